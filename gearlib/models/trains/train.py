@@ -59,7 +59,10 @@ from gearlib.parameters import (
 
 
 def _matrix_propagator(model: Model, tuning: float, **options: Any) -> Any:
-    """Return the integrator in closed forms for any number of meshes."""
+    """Return the closed-form integrator of a train at a tuning.
+
+    `options` are passed to `gearlib.engines.linear.propagator.Propagator`.
+    """
     # Imported on first use, because it takes time to load.
     from gearlib.engines.linear.propagator import Propagator
 
@@ -140,21 +143,25 @@ class GearTrain(Model):
 
     @property
     def force_note(self) -> str:
-        """A sentence on the jumps of mesh forces where the stiffness changes most."""
+        """A sentence on the jumps of mesh forces in the mesh with the largest stiffness change."""
         return force_note(min(mesh.stiffness_ratio for mesh in self.meshes))
 
     @property
     def force_ratio_name(self) -> str:
-        """Whether mesh forces jump where teeth enter; see `Model.force_ratio_name`."""
+        """Name of the force ratio in datasets; see `Model.force_ratio_name`.
+
+        It is "peak_force_ratio" if mesh forces jump with the stiffness, else "dynamic_factor".
+        """
         return "peak_force_ratio" if self.force_note else "dynamic_factor"
 
     @property
     def stiffness_model(self) -> str:
-        """The mesh stiffness in words."""
+        """The model of the mesh stiffness in words."""
         if self.force_note:
             return "rectangles"
-        with_teeth = any(mesh.transmission_error.table().any() for mesh in self.meshes)
-        return "mean stiffness" + with_teeth * " and transmission error of loaded teeth"
+        if any(mesh.transmission_error.table().any() for mesh in self.meshes):
+            return "mean stiffness and transmission error of loaded teeth"
+        return "mean stiffness"
 
     def __post_init__(self) -> None:
         """Check the elements, names, gears and torques of the train."""
@@ -196,31 +203,32 @@ class GearTrain(Model):
             assembled = structure(self.by_name, self.meshes, self.shafts, arithmetic)
         if self.modal_damping is None:
             return assembled
-        damping = np.vectorize(arithmetic.convert, otypes=[arithmetic.dtype])
-        return assembled._replace(damping=assembled.damping + damping(self._modal_damping_matrix))
+        convert = np.vectorize(arithmetic.convert, otypes=[arithmetic.dtype])
+        return assembled._replace(damping=assembled.damping + convert(self._modal_damping_matrix))
 
     @cached_property
     def _modal_damping_matrix(self) -> np.ndarray:
-        """Damping matrix with the given damping ratios of the elastic modes, N s/m."""
-        base = self.replace(modal_damping=None)
-        squares, shapes = base.linear_modes
-        ratios, count = np.array(self.modal_damping), squares.size
-        if ratios.size not in (1, count):
-            allowed = f"a damping ratio for all modes, or {count}, one for each elastic mode"
+        """Damping matrix that gives the elastic modes the ratios `modal_damping`, N s/m, (n, n)."""
+        train = self.replace(modal_damping=None)
+        squares, shapes = train.linear_modes
+        ratios, mode_count = np.array(self.modal_damping), squares.size
+        if ratios.size not in (1, mode_count):
+            allowed = f"a damping ratio for all modes, or {mode_count}, one for each elastic mode"
             raise checks.refusal("modal_damping", self.modal_damping, allowed)
-        weighted = base.structure.mass @ shapes
-        return weighted * (2.0 * ratios * np.sqrt(squares)) @ weighted.T
+        momenta = train.structure.mass @ shapes
+        return momenta * (2.0 * ratios * np.sqrt(squares)) @ momenta.T
 
     @cached_property
     def coast_lines(self):
-        """Rows of the coast-side distances, (m, n), see `structure.coast_lines`."""
+        """Row vectors of the coast-side distances, (m, n), see `structure.coast_lines`."""
         return coast_lines(self.structure, self.by_name, self.meshes)
 
     @cached_property
     def speeds(self):
         """`turning.Speeds` of the bodies per radian of reference mesh phase."""
-        args = self.by_name, self.meshes, self.shafts, self.reference, self.carrier_ratio
-        return turning.speeds(*args)
+        return turning.speeds(
+            self.by_name, self.meshes, self.shafts, self.reference, self.carrier_ratio
+        )
 
     def speeds_at(self, mesh: Mesh) -> dict[str, Fraction]:
         """Return the signed speeds of the bodies relative to the line of centres of a mesh."""
@@ -228,7 +236,7 @@ class GearTrain(Model):
 
     @cached_property
     def frequency_ratios(self) -> tuple[Fraction, ...]:
-        """Mesh frequencies over that of the reference mesh."""
+        """Frequency of each mesh over the frequency of the reference mesh."""
         return tuple(
             abs(self.speeds_at(mesh)[mesh.pinion]) * self.by_name[mesh.pinion].teeth
             for mesh in self.meshes
@@ -236,13 +244,12 @@ class GearTrain(Model):
 
     @cached_property
     def phases(self):
-        """Phases of the stiffness of the drive sides, mesh name -> its mesh periods."""
+        """Stiffness phases of the drive sides: mesh name -> phase in periods of this mesh."""
         return turning.phases(self.by_name, self.meshes, self.shafts, self.reference, self.speeds)
 
     @cached_property
     def coast_phases(self) -> dict:
-        """Stiffness phases of the coast sides (coast-side contact), mesh name -> its mesh
-        periods."""
+        """Stiffness phases of the coast sides: mesh name -> phase in periods of this mesh."""
         return {
             mesh.name: turning.coast_side_phase(mesh, self.speeds_at(mesh), self.phases[mesh.name])
             for mesh in self.meshes
@@ -250,8 +257,8 @@ class GearTrain(Model):
 
     @cached_property
     def pitch_phases(self):
-        """Phases at which drive sides touch at the pitch point, mesh name -> rad."""
-        return {x.name: turning.pitch_phase(x, self.speeds_at(x)) for x in self.meshes}
+        """Phases at which drive-side flanks touch at the pitch point: mesh name -> rad."""
+        return {mesh.name: turning.pitch_phase(mesh, self.speeds_at(mesh)) for mesh in self.meshes}
 
     @cached_property
     def repeats(self):
@@ -260,14 +267,14 @@ class GearTrain(Model):
 
     @cached_property
     def excitation(self):
-        """Frequencies and amplitudes of errors, deviations and run-out, see `waves.excitation`."""
+        """Excitation by errors, deviations and run-out, see `waves.excitation`."""
         return waves.excitation(self)
 
     @cached_property
     def harmonic_forces(self) -> np.ndarray:
-        """Amplitudes of harmonic forces on n coordinates, N; cosines and sines, shape (n, 2 h).
+        """Cosine and sine amplitudes of the harmonic forces on n coordinates, N, shape (n, 2 h).
 
-        The h frequencies are those of `excitation`.
+        The h frequencies are the frequencies of `excitation`.
         """
         frequencies = self.excitation[0]
         amplitudes = np.zeros((self.size // 2, 2 * frequencies.size))
@@ -282,7 +289,10 @@ class GearTrain(Model):
         return self.segments_of(0, self.repeats)
 
     def segments_of(self, first: int, count: int) -> waves.Segments:
-        """Return the segments of constant stiffness of `count` mesh periods from `first` on."""
+        """Return the segments of constant stiffness of reference mesh periods.
+
+        `first` is the number of the first period, from 0, and `count` the number of periods.
+        """
         return waves.segments(self, first, count)
 
     @property
@@ -293,20 +303,21 @@ class GearTrain(Model):
     @cached_property
     def _natural_modes(self) -> LinearModes:
         """Free motions and natural modes with all flanks in contact at mean stiffness."""
-        (rows, stiffness), lines = self.structure.springs, self.structure.lines
+        spring_rows, spring_stiffness = self.structure.springs
         mean_stiffness = [mesh.mean_stiffness for mesh in self.meshes]
-        springs = np.concatenate([rows, lines]), np.concatenate([stiffness, mean_stiffness])
-        modes = free_motions_and_modes(springs, self.structure.masses)
+        rows = np.concatenate([spring_rows, self.structure.lines])
+        stiffness = np.concatenate([spring_stiffness, mean_stiffness])
+        modes = free_motions_and_modes((rows, stiffness), self.structure.masses)
         if self.matrices is None:
             return modes
-        # The springs are eigenvectors; smaller entries of a motion are their rounding errors.
+        # The springs of given matrices are rounded; smaller entries of a motion are such errors.
         free = modes.free_motions
-        small = np.abs(free) < 1e-12 * np.abs(free).max(axis=0, initial=0.0)
-        return modes._replace(free_motions=np.where(small, 0.0, free))
+        is_small = np.abs(free) < 1e-12 * np.abs(free).max(axis=0, initial=0.0)
+        return modes._replace(free_motions=np.where(is_small, 0.0, free))
 
     @property
     def free_motions(self):
-        """Motions of the train that no stiffness resists, mass-normalised, shape (n, k)."""
+        """Motions of the train that no spring resists, mass-normalised, shape (n, k)."""
         return self._natural_modes.free_motions
 
     @property
@@ -322,8 +333,8 @@ class GearTrain(Model):
     def contact_modes(self, system: TrainSystem) -> tuple[np.ndarray, ...]:
         """Return dimensionless modes with all flanks in contact at mean stiffness.
 
-        They are (natural frequencies, mode shapes, free motions, mass matrix) of a train at the
-        tuning of a system, with one mode or motion per column.
+        The result is (natural frequencies, mode shapes, free motions, mass matrix) at the tuning of
+        the system, with one mode or motion per column.
         """
         omega = self.reference_angular_frequency
         mass = self.dimensionless_matrices(system.tuning).mass
@@ -332,7 +343,8 @@ class GearTrain(Model):
         # A step of Newton's method makes the modes orthonormal to the last digit, so that their
         # frequencies are exact.
         modes = modes @ (1.5 * np.eye(len(mass)) - 0.5 * (modes.T @ mass @ modes))
-        return np.sqrt(squares) / omega, modes[:, : squares.size], modes[:, squares.size :], mass
+        elastic_modes, free_motions = modes[:, : squares.size], modes[:, squares.size :]
+        return np.sqrt(squares) / omega, elastic_modes, free_motions, mass
 
     @cached_property
     def modal_mesh_displacements(self) -> np.ndarray:
@@ -369,14 +381,15 @@ class GearTrain(Model):
 
         The force is that of the linear train: mean stiffness, all flanks in contact, no errors.
         """
-        (squares, shapes), load = self.linear_modes, self.structure.load
-        displacements = (
-            self.modal_mesh_displacements[self.mesh_names.index(self.reference)] / squares
-        )
-        value = abs(displacements @ (shapes.T @ load))
-        # A smaller value is a rounding error of terms that cancel without a load.
-        largest = np.abs(displacements) @ (np.abs(shapes).T @ np.abs(load))
-        return float(value) if value > 1e-9 * largest else train_values.UNLOADED_DEFLECTION
+        squares, shapes = self.linear_modes
+        load = self.structure.load
+        compliances = self.modal_mesh_displacements[self.mesh_names.index(self.reference)] / squares
+        deflection = abs(compliances @ (shapes.T @ load))
+        # A smaller deflection is a rounding error of terms that cancel.
+        sum_of_terms = np.abs(compliances) @ (np.abs(shapes).T @ np.abs(load))
+        if deflection > 1e-9 * sum_of_terms:
+            return float(deflection)
+        return train_values.UNLOADED_DEFLECTION
 
     @property
     def load(self):
@@ -387,7 +400,8 @@ class GearTrain(Model):
     def reference_angular_frequency(self) -> float:
         """Reference natural frequency, rad/s; the tuning is the mesh frequency divided by it.
 
-        It is the given one or that of the mode with most strain energy in the reference mesh.
+        It is `reference_frequency` if given, else the natural frequency of the elastic mode with
+        the most strain energy in the reference mesh.
         """
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
@@ -395,8 +409,9 @@ class GearTrain(Model):
         energies = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
         # Modes of equal frequency share their strain energy in an arbitrary way, so it is summed.
         sums = [energies[np.abs(squares - square) < 1e-6 * square].sum() for square in squares]
-        # The first mode, unless a later one has clearly more energy.
-        return math.sqrt(squares[int(np.argmax(np.array(sums) > 0.999999 * max(sums)))])
+        # Among modes with equal energy up to rounding, take the one with the lowest frequency.
+        i = int(np.argmax(np.array(sums) > 0.999999 * max(sums)))
+        return math.sqrt(squares[i])
 
     def mesh_frequency(self, tuning: Any) -> Any:
         """Return the angular frequency of the reference mesh, rad/s (float or array)."""
@@ -404,11 +419,11 @@ class GearTrain(Model):
 
     def speed(self, tuning: Any) -> Any:
         """Return the speed of the reference pinion in rpm at a tuning (float or array)."""
-        turns = abs(float(self.speeds.in_housing[self.reference_pinion.name]))
-        return 60.0 / (2.0 * math.pi) * self.mesh_frequency(tuning) * turns
+        pinion_rate = abs(float(self.speeds.in_housing[self.reference_pinion.name]))
+        return 60.0 / (2.0 * math.pi) * self.mesh_frequency(tuning) * pinion_rate
 
     def scales(self) -> dict:
-        """Return the dataset variables that depend on the train alone, name -> value."""
+        """Return the dataset variables that depend on the train alone: name -> value."""
         return {
             "static_deflection": self.static_deflection,
             "force_scale": self.load,
@@ -418,30 +433,29 @@ class GearTrain(Model):
 
     def has_damping(self) -> bool:
         """Return whether a mesh, support or shaft is damped."""
-        meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
-        return meshes or bool(self.structure.damping.any())
+        if any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes):
+            return True
+        return bool(self.structure.damping.any())
 
     def dimensionless_matrices(self, tuning: float) -> DimensionlessMatrices:
         """Return the dimensionless matrices without the meshes at a tuning."""
         return dimensionless_matrices(self, tuning)
 
     def as_dict(self) -> dict:
-        """Return the parameters as plain values; given matrices are named by their hash."""
+        """Return the parameters as plain values; a hash stands for given matrices."""
         if self.matrices is None:
             return super().as_dict()
-        fields = {x.name: getattr(self, x.name) for x in dataclasses.fields(self)}
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         fields["matrices"] = self.matrices.digest()
-        as_dicts = {"bodies", "meshes", "shafts", "forces"}
-        return {
-            name: tuple(map(dataclasses.asdict, value)) if name in as_dicts else value
-            for name, value in fields.items()
-        }
+        for name in ("bodies", "meshes", "shafts", "forces"):
+            fields[name] = tuple(dataclasses.asdict(element) for element in fields[name])
+        return fields
 
     def system(self, tuning: float, first: int = 0, count: int | None = None) -> TrainSystem:
         """Return the state-space matrices at a tuning, over all segments of constant stiffness.
 
-        `tuning` is the reference mesh frequency over the reference natural frequency. With a
-        `count` > 0, the segments are only those of `count` mesh periods from period `first` on.
+        `tuning` is the reference mesh frequency over the reference natural frequency. If `count` is
+        given, the segments cover only `count` reference mesh periods from period `first` on.
         """
         if count:
             return train_system(self, tuning, self.segments_of(first, count))
@@ -451,12 +465,18 @@ class GearTrain(Model):
 
     @cached_property
     def norm_at_rest(self):
-        """Bound of the norms of state matrices without gyroscopic forces, equal at all tunings."""
+        """Upper bound of the norms of the state matrices without gyroscopic forces.
+
+        It is the same at all tunings.
+        """
         return largest_norm(self, self.dimensionless_matrices(1.0))
 
     @cached_property
     def _system(self):
-        # Without gyroscopic forces and excitation only the tuning of the system changes.
+        """State-space matrices at tuning 1.
+
+        Without gyroscopic forces and excitation, other tunings change only the field `tuning`.
+        """
         return train_system(self, 1.0, self.segments)
 
     @checked
@@ -473,7 +493,8 @@ class GearTrain(Model):
         xarray.Dataset
             Over `mesh`: mesh_force (N), contact, load_sharing (force over the mean force of the
             meshes of the same central gear); over `body` and `axis`: body_displacement (m); and
-            status: jammed if both flanks of a mesh touch, whose mesh_force is then that of both.
+            status: jammed if both flanks of a mesh touch; its mesh_force is then the sum of both
+            forces.
 
         Raises
         ------
@@ -490,25 +511,25 @@ class GearTrain(Model):
         xarray.Dataset
             Over `mode`: natural_frequency (Hz), mode_kind (rigid, rotational, translational,
             satellite, other), mode_shape over body and axis, strain_energy over mesh, shaft_energy
-            over shaft. With damping also modal_damping_ratio, of each mode by itself, and over
-            `complex_mode`, the eigenvalues of the damped train: decay_rate (1/s),
-            damped_frequency (Hz), mode_shape_real and mode_shape_imag over body and axis.
+            over shaft. With damping also modal_damping_ratio, which neglects the coupling of modes
+            by damping, and over `complex_mode`, the eigenvalues of the damped train: decay_rate
+            (1/s), damped_frequency (Hz), mode_shape_real and mode_shape_imag over body and axis.
         """
         return natural_modes.modes(self)
 
     @classmethod
     def from_matrices(cls, mass, damping, stiffness, meshes, gears, **options: Any) -> "GearTrain":
-        """Return a train of given matrices; see `gearlib.models.trains.matrices.from_matrices`."""
+        """Return a train given by matrices; see `gearlib.models.trains.matrices.from_matrices`."""
         from gearlib.models.trains.matrices import from_matrices
 
         return from_matrices(mass, damping, stiffness, meshes, gears, **options)
 
     def reduce(self, frequency: float) -> "GearTrain":
-        """Return a train of few coordinates with the same dynamics below half a frequency in Hz.
+        """Return a train of fewer coordinates with the same dynamics up to half a frequency in Hz.
 
-        It keeps the coordinates on which meshes, loads and harmonic forces act, and the modes of
-        the rest below that frequency (Craig and Bampton, AIAA J. 6 (1968) 1313-1319). The attribute
-        ``matrices.left_out`` says what is left out.
+        The reduction keeps the coordinates on which meshes, loads and harmonic forces act, and the
+        modes of the other coordinates below 1.5 times that frequency (Craig and Bampton, AIAA J. 6
+        (1968) 1313-1319). The attribute ``matrices.left_out`` describes the neglected coordinates.
 
         Raises
         ------
@@ -529,12 +550,12 @@ class GearTrain(Model):
     def phasing(self, count: Orders = 12) -> xr.Dataset:
         """Return the modal forces by which harmonics of the mesh frequencies excite the modes.
 
-        They are those of the mesh stiffness and of the transmission error of the teeth.
+        The mesh stiffness and the transmission error of the teeth cause these forces.
 
         Parameters
         ----------
         count : int, default 12
-            Highest order of the harmonics, over the reference mesh frequency.
+            Highest order of the harmonics, relative to the reference mesh frequency.
 
         Returns
         -------
@@ -546,9 +567,9 @@ class GearTrain(Model):
 
     @checked
     def campbell(self, count: Orders = 3) -> xr.Dataset:
-        """Return the critical speeds, where multiples of mesh frequencies are natural frequencies.
+        """Return the critical speeds, where harmonics of mesh frequencies meet natural frequencies.
 
-        The natural frequencies are those of `modes` and do not depend on the speed.
+        The natural frequencies are computed by `modes` and do not depend on the speed.
 
         Parameters
         ----------
@@ -568,13 +589,16 @@ class GearTrain(Model):
         """State of static equilibrium at phase 0, from which sweeps start."""
         return self._static_state_under(1.0)
 
-    def _static_state_under(self, load: float) -> np.ndarray:
-        """Return the state of static equilibrium at phase 0 under a load over that of the train."""
-        q = statics.equilibrium(self, load_ratio=load).q
+    def _static_state_under(self, load_ratio: float) -> np.ndarray:
+        """Return the state of static equilibrium at phase 0 with a factor on all torques."""
+        q = statics.equilibrium(self, load_ratio=load_ratio).q
         return np.append(q / self.static_deflection, np.zeros(q.size))
 
     def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, ...]:
-        """Return the static equilibrium at phase 0; see `Model.static_state`."""
+        """Return the static equilibrium at phase 0; see `Model.static_state`.
+
+        Without an equilibrium the result is (0, 0).
+        """
         try:
             state = self._static_state if load == 1.0 else self._static_state_under(load)
             return tuple(state.tolist())
@@ -582,10 +606,11 @@ class GearTrain(Model):
             return 0.0, 0.0
 
     def start_state(self, initial_state: Any) -> np.ndarray:
-        """Return the initial state (q, dq/dtau), shape (size,), or raise ValueError.
+        """Return the initial state (q, dq/dtau) as an array of shape (size,), or raise ValueError.
 
-        (0, 0) means all coordinates are 0, so that flanks without errors just touch. "static" means
-        the static equilibrium with the stiffness at tau = 0, without forces of a rotating frame.
+        The argument (0, 0) means that all coordinates and rates are 0, so that flanks without
+        errors just touch. "static" means the static equilibrium with the stiffness at the mesh
+        phase tau = 0, without forces of a rotating frame. Otherwise it is the state itself.
         """
         if isinstance(initial_state, str):
             checks.one_of("initial_state", initial_state, ("static",))
@@ -603,13 +628,13 @@ class GearTrain(Model):
 
     @property
     def components(self) -> tuple[str, ...]:
-        """Names of the components of the state: coordinates, then their rates by phase."""
+        """Names of the components of the state: coordinates, then their rates over the phase."""
         names = [f"{body} {axis}".strip() for body, axis in self.structure.coordinates]
         return (*names, *(f"{name}'" for name in names))
 
     @property
     def flank_lines(self) -> np.ndarray:
-        """Displacements at which (drive-side, coast-side) contact begins, shape (2, m)."""
+        """Displacements, in static deflections, at which (drive, coast) contact begins, (2, m)."""
         backlash = np.array([mesh.backlash for mesh in self.meshes])
         return np.stack([np.zeros(backlash.size), -backlash / self.static_deflection])
 
@@ -627,16 +652,16 @@ class GearTrain(Model):
     contact_monodromy = contact_monodromy
 
     def disturbed_state(self, state: Any, disturbance: float) -> tuple[float, ...]:
-        """Return an initial state with a disturbance added to the first elastic mode.
+        """Return an initial state with a multiple of the first elastic mode added.
 
-        The disturbance is the largest displacement of the mode, in static deflections.
+        The `disturbance` is the largest displacement of the mode, in static deflections.
         """
         state = self.start_state(state)
         _, lift = self.reduction()
         return tuple(map(float, state + disturbance * lift[:, 0]))
 
     def coordinates(self) -> dict[str, list]:
-        """Return the coordinates of datasets that belong to the train: name -> labels."""
+        """Return the dataset coordinates that belong to the train: name -> labels."""
         return {"component": list(self.components)} | self.names
 
     @property
@@ -648,34 +673,36 @@ class GearTrain(Model):
     def empty_record(self, samples: int = 0, events: int = 16) -> tuple:
         """Return uninitialized tables (samples, events, summary) for the record of a run.
 
-        `samples` and `events` are numbers of rows. Samples have six columns for each mesh, then one
-        for each coordinate.
+        `samples` and `events` are numbers of rows. The columns of samples are six for each mesh,
+        then one for each coordinate.
         """
         m = len(self.meshes)
-        columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
-        shapes = (samples, columns), (events, EVENT_COLUMNS), (m, orbit.SUMMARY_COLUMNS)
-        return tuple(map(np.empty, shapes))
+        sample_columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
+        return (
+            np.empty((samples, sample_columns)),
+            np.empty((events, EVENT_COLUMNS)),
+            np.empty((m, orbit.SUMMARY_COLUMNS)),
+        )
 
     def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
-        """Return the motions of the bodies in a table of samples, name -> (dims, values).
+        """Return the motions of the bodies as a dataset variable: name -> (dims, values).
 
-        The last columns of the table, shape (samples, columns), are the coordinates.
+        The last columns of `samples`, shape (samples, columns), are the coordinates.
         """
-        q = samples[:, samples.shape[1] - self.size // 2 :]
-        motion = np.einsum("bax,kx->kba", self.structure.motions, q)
+        coordinates = samples[:, samples.shape[1] - self.size // 2 :]
+        motion = np.einsum("ban,kn->kba", self.structure.motions, coordinates)
         return {"body_motion": (("phase", "body", "axis"), motion)}
 
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
-        """Return force ratio and load sharing of each mesh: name -> (dims, values).
+        """Return the force ratio and load sharing of each mesh: name -> (dims, values).
 
-        `summaries`, shape (..., m, columns), has the dimensions `dims` and covers a span of phase.
-        The force ratio is the largest force over the static force of the linear train, both without
-        signs, NaN for a mesh without load.
+        `summaries`, shape (..., m, columns), cover a `span` of phase in rad; `dims` name their
+        dimensions without the columns. The force ratio is the largest force over the static force
+        of the linear train, both without signs; it is NaN for a mesh without load.
         """
-        ratio = self.force_ratios(summary.largest_force(summaries))
+        force_ratios = self.force_ratios(summary.largest_force(summaries))
         shares = statics.load_shares(self, summaries[..., orbit.FORCE_SUM] / span)
-        variables = {self.force_ratio_name: ratio, "load_sharing": shares}
-        return {name: (dims, values) for name, values in variables.items()}
+        return {self.force_ratio_name: (dims, force_ratios), "load_sharing": (dims, shares)}
 
     def layout(self) -> xr.Dataset:
         """Return the positions of the gears, without assembly errors, and their speeds.
@@ -687,34 +714,38 @@ class GearTrain(Model):
         xarray.Dataset
             Over `body`: body_x, body_y, body_radius (m), body_turns, carried_by, shaft_line; over
             `mesh`: mesh_x, mesh_y (m) and, over `gear` too, mesh_gear, pitch_radius (m); and
-            frame_turns, misfit (m). body_turns and frame_turns are rotations of the bodies and of
-            the frame of the positions in the housing, per radian of reference mesh phase; misfit is
-            the largest distance between positions of one axis from different loops of meshes.
+            frame_turns, misfit (m). body_turns and frame_turns are the speeds of the bodies and of
+            the frame of the positions in the housing, in radians per radian of reference mesh
+            phase; misfit is the largest distance between positions of one axis that follow from
+            different loops of meshes.
         """
         return layout.layout(self)
 
     @property
     def mean_forces(self):
         """Static mesh forces of the linear train without errors, over the load, shape (m,)."""
-        means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        forces = means * self.static_mesh_displacements / self.load
+        mean_stiffness = np.array([mesh.mean_stiffness for mesh in self.meshes])
+        forces = mean_stiffness * self.static_mesh_displacements / self.load
         # Smaller forces are rounding errors of meshes without load.
         return np.where(np.abs(forces) > 1e-9 * np.abs(forces).max(), forces, 0.0)
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
         """Return matrices (reduce, lift) from states to amplitudes of the elastic modes, and back.
 
-        Lifted rates keep the angular momentum of a train with Coriolis forces, which its elastic
-        modes exchange with its free rotation. Raises ValueError if other forces act on this.
+        Both matrices act on coordinates and rates. With Coriolis forces, elastic modes exchange
+        angular momentum with the rigid-body rotation; lifted rates keep its sum. Raises ValueError
+        if other forces act on the rigid-body rotation.
         """
-        free, (_, shapes) = self.free_motions, self.linear_modes
-        structure, turns = self.structure, 0.0
+        free = self.free_motions
+        _, shapes = self.linear_modes
+        structure, frame_rate = self.structure, 0.0
         forces = [structure.damping]
         if self.gyroscopic:
-            # Speed of the frame by mesh phase, as the rates of a state.
-            turns = float(self.speeds.frame)
+            # The speed of the frame is per radian of mesh phase, like the rates of a state.
+            frame_rate = float(self.speeds.frame)
             forces += [structure.centrifugal, structure.circulatory, free.T @ structure.coriolis]
-            forces += [structure.sliding] * any(max(mesh.friction) for mesh in self.meshes)
+            if any(max(mesh.friction) for mesh in self.meshes):
+                forces.append(structure.sliding)
         for matrix in forces:
             # Each force is compared with the size of the terms that cancel in it.
             if (np.abs(matrix @ free) > 1e-9 * (np.abs(matrix) @ np.abs(free))).any():
@@ -727,5 +758,5 @@ class GearTrain(Model):
         half_reduce = (structure.mass @ shapes * scale).T
         half_lift = shapes / scale
         lift, n = np.kron(np.eye(2), half_lift), len(shapes)
-        lift[n:, : scale.size] -= turns * free @ (free.T @ structure.coriolis @ half_lift)
+        lift[n:, : scale.size] -= frame_rate * free @ (free.T @ structure.coriolis @ half_lift)
         return np.kron(np.eye(2), half_reduce), lift

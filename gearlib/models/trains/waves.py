@@ -24,11 +24,12 @@ SAME_PHASE_TOLERANCE = 1e-12
 class Segments(NamedTuple):
     """Intervals of the common period without a change of stiffness or sliding direction."""
 
-    starts: np.ndarray  #: phases of the reference mesh, shape (p + 1,)
+    starts: np.ndarray  #: reference mesh phases of the p starts and the end, rad, shape (p + 1,)
     first_segment: np.ndarray  #: first segment of each reference mesh period, shape (repeats + 1,)
-    low: np.ndarray  #: whether coast and drive side are at the lower level, shape (2, p, m)
-    sliding_signs: np.ndarray  #: of coast and drive side, 1 without friction, shape (2, p, m)
-    #: Kinds of segments of each mesh: 2 for the lower level plus 1 for negative sliding.
+    low: np.ndarray  #: whether (coast, drive) sides are at the lower level, shape (2, p, m)
+    sliding_signs: np.ndarray  #: 1 or -1 for (coast, drive) sides, 1 without friction, (2, p, m)
+    #: For each mesh, the kinds of segments that occur: 2 at the lower stiffness level, else 0, plus
+    #: 1 if the sliding is negative.
     kinds: list
 
 
@@ -39,11 +40,11 @@ def segments(train: "GearTrain", first: int, count: int) -> Segments:
     """
     period_starts = [math.tau * k for k in range(count + 1)]
     offset = first % count  # position of period `first`
-    mesh_phases = [_phases_of_changes(train, mesh) for mesh in train.meshes]
+    mesh_phases = [_stiffness_and_sliding_phases(train, mesh) for mesh in train.meshes]
     boundaries = [np.array(period_starts)]
     meshes = list(zip(train.meshes, train.frequency_ratios, mesh_phases, strict=True))
-    for mesh, ratio, phases in meshes:
-        times = _change_times(mesh, ratio, phases, first, count) + offset
+    for mesh, ratio, (stiffness_phases, sliding_phases) in meshes:
+        times = _change_times(mesh, ratio, stiffness_phases, sliding_phases, first, count) + offset
         boundaries.append(math.tau * np.where(times > count, times - count, times))
     distinct = [0.0]  # without duplicates up to rounding; starts of periods stay exact
     for boundary in np.sort(np.concatenate(boundaries)).tolist():
@@ -58,28 +59,30 @@ def segments(train: "GearTrain", first: int, count: int) -> Segments:
     kinds = []
     for j, (mesh, ratio, (stiffness_phases, sliding_phases)) in enumerate(meshes):
         # Phases of this mesh at position 0, counted back from the periods stored from position
-        # `offset` on, and from those before it, which follow after the last position.
-        initial_phases = [float((first + k) * ratio % 1) for k in (-offset, count - offset)]
-        phases = midpoints * float(ratio) + np.where(midpoints > offset, *initial_phases)
+        # `offset` on, and from earlier positions, whose periods follow after the last position.
+        phase_from_offset = float((first - offset) * ratio % 1)
+        phase_before_offset = float((first + (count - offset)) * ratio % 1)
+        initial_phases = np.where(midpoints > offset, phase_from_offset, phase_before_offset)
+        phases = midpoints * float(ratio) + initial_phases
         low[:, :, j] = at_lower_level(mesh, stiffness_phases, phases)
-        slides_negatively: tuple = (0,)
+        sliding_bits = [0]
         if any(mesh.friction):
-            positive = np.mod(phases - np.array(sliding_phases)[:, None], 1.0) < 0.5
-            sliding_signs[:, :, j] = np.where(positive, 1.0, -1.0)
-            slides_negatively = 0, 1
-        levels = (0, 1) if mesh.varies else (int(low[0, 0, j]),)  # 1: the lower level
-        kinds.append([2 * level + negative for level in levels for negative in slides_negatively])
+            is_positive = np.mod(phases - np.array(sliding_phases)[:, None], 1.0) < 0.5
+            sliding_signs[:, :, j] = np.where(is_positive, 1.0, -1.0)
+            sliding_bits = [0, 1]
+        levels = [0, 1] if mesh.varies else [int(low[0, 0, j])]  # 1: the lower level
+        kinds.append([2 * level + bit for level in levels for bit in sliding_bits])
     first_segment = np.searchsorted(starts, np.array(period_starts) - SAME_PHASE_TOLERANCE)
     return Segments(starts, first_segment, low, sliding_signs, kinds)
 
 
-def _change_times(mesh, rate, mesh_phases, first, count) -> np.ndarray:
+def _change_times(mesh, ratio, stiffness_phases, sliding_phases, first, count) -> np.ndarray:
     """Return the times at which stiffness or sliding of a mesh change, in reference mesh periods.
 
-    They lie between 0 and `count` and are counted from the start of period `first`. `rate` is the
-    mesh frequency over that of the reference mesh, `mesh_phases` those of `_phases_of_changes`.
+    Times are counted from the start of reference period `first` and lie between 0 and `count`.
+    `ratio` is the mesh frequency over the reference mesh frequency, a `Fraction`. The phases, of
+    (coast, drive) sides, are the results of `_stiffness_and_sliding_phases`.
     """
-    stiffness_phases, sliding_phases = mesh_phases
     phases = set()
     if mesh.varies:
         half_length = (mesh.contact_ratio - 1.0) / 2.0  # of the upper stiffness level
@@ -88,18 +91,19 @@ def _change_times(mesh, rate, mesh_phases, first, count) -> np.ndarray:
     if any(mesh.friction):
         phases |= {phase + half_period for phase in sliding_phases for half_period in (0.0, 0.5)}
     # A change recurs in every period of this mesh, the first of which starts at `start`.
-    earlier_periods = math.floor(first * rate)
-    periods = np.arange(math.ceil((first + count) * rate) - earlier_periods)
-    start = float(earlier_periods / rate - first)
-    times = [start + (phase % 1.0 + periods) / float(rate) for phase in phases]
+    earlier_periods = math.floor(first * ratio)
+    periods = np.arange(math.ceil((first + count) * ratio) - earlier_periods)
+    start = float(earlier_periods / ratio - first)
+    times = [start + (phase % 1.0 + periods) / float(ratio) for phase in phases]
     all_times = np.concatenate([np.empty(0), *times])
     return all_times[(all_times >= 0.0) & (all_times <= count)]
 
 
-def _phases_of_changes(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
-    """Return the phases of stiffness and of sliding, each of (coast, drive) side, in mesh periods.
+def _stiffness_and_sliding_phases(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
+    """Return (stiffness phases, sliding phases) of a mesh, each for (coast, drive) sides.
 
-    They are the middle of the upper stiffness level and the change to positive sliding.
+    Phases are in mesh periods. A stiffness phase is the middle of the upper stiffness level, and a
+    sliding phase is the change to positive sliding.
     """
     coast, drive = train.coast_phases[mesh.name], train.phases[mesh.name]
     sliding_phases = turning.sliding_phases(mesh, train.speeds_at(mesh))
@@ -109,8 +113,8 @@ def _phases_of_changes(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
 def at_lower_level(mesh, stiffness_phases, phases) -> np.ndarray:
     """Return whether (coast, drive) sides have the lower stiffness at p mesh phases, shape (2, p).
 
-    `stiffness_phases` are the phases in the middle of the upper level of both sides; all phases are
-    in mesh periods.
+    `phases`, shape (p,), and `stiffness_phases`, the middle of the upper level of the (coast,
+    drive) side, are in mesh periods.
     """
     if not mesh.varies:
         # If the levels differ, one pair of teeth (contact ratio 1) has the lower one, two (ratio 2)
@@ -121,22 +125,22 @@ def at_lower_level(mesh, stiffness_phases, phases) -> np.ndarray:
 
 
 def stiffness_harmonic(mesh: Mesh, order: int, phase: float) -> complex:
-    """Return the complex amplitude, N/m, of a harmonic of the mesh stiffness.
+    """Return the complex Fourier amplitude, N/m, of a harmonic of the mesh stiffness.
 
-    `order` counts waves per period of this mesh; `phase`, in mesh periods, is the middle of the
-    upper stiffness level.
+    `order`, at least 1, counts waves per period of this mesh; `phase`, in mesh periods, is the
+    middle of the upper stiffness level.
     """
-    jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
-    amplitude = 2.0 * jump * math.sin(math.pi * order * (mesh.contact_ratio - 1.0))
+    stiffness_jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
+    amplitude = 2.0 * stiffness_jump * math.sin(math.pi * order * (mesh.contact_ratio - 1.0))
     return amplitude / (math.pi * order) * np.exp(-2.0j * np.pi * order * phase)
 
 
 def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (frequencies, amplitudes, constants) of errors, deviations and run-out of m meshes.
+    """Return the changes of flank distances by errors, deviations and run-out of m meshes.
 
-    The h frequencies are per radian of reference mesh phase, shape (h,). Amplitudes in m, shape
-    (2, m, 2 h), hold cosines and sines in turn, and constants are in m, shape (2, m); the first
-    axis is coast and drive side.
+    The result is (frequencies, amplitudes, constants). The h frequencies, shape (h,), are per
+    radian of reference mesh phase. Amplitudes in m, shape (2, m, 2 h), hold the cosine and the sine
+    of each frequency, and constants are in m, shape (2, m); the first axis is coast and drive side.
     """
     harmonics, constants = excitation_harmonics(train, train.structure.line_vectors)
     m = len(train.meshes)
@@ -149,16 +153,16 @@ def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def force_frequency(train: "GearTrain", force: HarmonicForce) -> Fraction:
-    """Return the frequency of a harmonic force per radian of reference mesh phase."""
+    """Return the frequency of a harmonic force in radians per radian of reference mesh phase."""
     if force.of in train.mesh_names:
         return force.order * train.frequency_ratios[train.mesh_names.index(force.of)]
     return force.order * abs(train.speeds.in_housing[force.of])
 
 
 def force_row(train: "GearTrain", force: HarmonicForce, motions: np.ndarray) -> np.ndarray:
-    """Return the row of the motion on which a harmonic force does work, shape (n,).
+    """Return the row vector of the motion on which a harmonic force does work, shape (n,).
 
-    `motions` are those of the structure, in floats or balls.
+    `motions`, shape (bodies, 3, n), is a field of the `Structure`, in floats or balls.
     """
     if train.matrices is not None and force.body in train.matrices.coordinates:
         return train.matrices.motion(force.body)
@@ -167,27 +171,26 @@ def force_row(train: "GearTrain", force: HarmonicForce, motions: np.ndarray) -> 
 
 
 def force_harmonics(train, motions, arithmetic=FLOAT_ARITHMETIC) -> dict:
-    """Return the harmonic forces on n coordinates, frequency -> cosines and sines in N, (2, n).
+    """Return the harmonic forces on n coordinates: frequency -> cosine and sine parts in N, (2, n).
 
-    `motions` are those of the structure, in floats or balls.
+    `motions`, shape (bodies, 3, n), is a field of the `Structure`, in floats or balls.
     """
     harmonics: dict = {}
     for force in train.forces:
         row = force_row(train, force, motions)
         cosine, sine = arithmetic.cos_sin(force.phase)
         amplitude = arithmetic.convert(force.amplitude)
-        entry = harmonics.setdefault(
-            force_frequency(train, force), arithmetic.zeros(2, motions.shape[2])
-        )
-        entry += np.stack([amplitude * cosine * row, -amplitude * sine * row])
+        frequency = force_frequency(train, force)
+        parts = harmonics.setdefault(frequency, arithmetic.zeros(2, motions.shape[2]))
+        parts += np.stack([amplitude * cosine * row, -amplitude * sine * row])
     return harmonics
 
 
 def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
-    """Return the excitation of m meshes as (harmonics, constants) in m.
+    """Return the changes of flank distances of m meshes as (harmonics, constants) in m.
 
     Harmonics are a dict, frequency -> cosines and sines, shape (2, m, 2); constants have the shape
-    (2, m); the first axis is coast and drive side. `line_vectors`, shape (m, 2, 2), are the unit
+    (2, m). The first axis is coast and drive side. `line_vectors`, shape (m, 2, 2), are unit
     vectors of the lines of action with the signs of pinion and wheel. The `arithmetic` computes
     with floats or with balls, which are intervals that enclose the numbers.
     """
@@ -195,9 +198,12 @@ def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
     convert, constants = arithmetic.convert, arithmetic.zeros(2, len(train.meshes))
 
     def add_harmonic(frequency: Fraction, j: int, sides: list[int], cosine: Any, sine: Any) -> None:
-        """Add a cosine and a sine to mesh j; a negative frequency changes the sign of the sine."""
-        entry = harmonics.setdefault(abs(frequency), arithmetic.zeros(2, len(train.meshes), 2))
-        entry[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
+        """Add a cosine and a sine to some sides of mesh j: 0 is the coast and 1 the drive side.
+
+        A negative frequency changes the sign of the sine.
+        """
+        amplitudes = harmonics.setdefault(abs(frequency), arithmetic.zeros(2, len(train.meshes), 2))
+        amplitudes[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
 
     for j, mesh in enumerate(train.meshes):
         # A coast-side flank that moves with the axes is not excited by their errors and run-out.
@@ -205,6 +211,7 @@ def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
         constants[:, j] += convert(mesh.error)
         for name, line_vector in zip((mesh.pinion, mesh.wheel), line_vectors[j], strict=True):
             body = train.by_name[name]
+            # The offset of a carried body is radial and tangential.
             c, s = arithmetic.cos_sin(body.angle) if body.carrier else (1.0, 0.0)
             x, y = map(convert, body.offset)
             constants[sides, j] += line_vector @ (c * x - s * y, s * x + c * y)
@@ -218,28 +225,32 @@ def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
                 add_harmonic(train.speeds_at(mesh)[name], j, sides, run_out * c, -run_out * s)
         ratio, mesh_phase = train.frequency_ratios[j], train.phases[mesh.name]
         for side, deviation in enumerate((mesh.coast_deviation, mesh.deviation)):
-            tooth_phase, tooth_deviation = deviation_of_teeth(train, mesh, side)
-            for phase, table in ((mesh_phase, deviation.table()), (tooth_phase, tooth_deviation)):
+            tooth_phase, tooth_table = deviation_of_teeth(train, mesh, side)
+            for phase, table in ((mesh_phase, deviation.table()), (tooth_phase, tooth_table)):
                 for order, cosine, sine in table.tolist():
+                    # The deviation lags by the phase.
                     c, s = arithmetic.cos_sin(2.0 * arithmetic.pi * order * phase)
-                    rotated = cosine * c - sine * s, cosine * s + sine * c
-                    add_harmonic(int(order) * ratio, j, [side], *rotated)
+                    lagging = cosine * c - sine * s, cosine * s + sine * c
+                    add_harmonic(int(order) * ratio, j, [side], *lagging)
     return harmonics, constants
 
 
 def deviation_of_teeth(train: "GearTrain", mesh: Mesh, side: int) -> tuple[float, np.ndarray]:
-    """Return the phase of a side, 0 coast and 1 drive, and its deviation by loaded teeth.
+    """Return the phase and the deviation of the loaded teeth on a side, 0 coast or 1 drive.
 
-    The phase is in mesh periods, and the rows of the deviation are (order, cosine, sine) in m. The
-    mesh force is constant while the gears follow the transmission error.
+    The phase is in mesh periods, and the rows of the deviation are (order, cosine, sine) in m. It
+    follows from the transmission error: while the gears follow this error, the mesh force is
+    constant.
     """
     pinion_drives = turning.driving_gear(mesh, train.speeds_at(mesh)) == mesh.pinion
-    # Where the wheel drives, the pairs of teeth move the other way along the path of contact. On
-    # the coast side the other gear drives.
+    # Where the wheel drives, the contact moves the other way along the path of contact. On the
+    # coast side the other gear drives.
     direction = 1.0 if pinion_drives == bool(side) else -1.0
-    sign = -1.0 if side else 1.0
-    phases = train.phases if side else train.coast_phases
-    return phases[mesh.name], mesh.transmission_error.table() * (1.0, sign, sign * direction)
+    if side:
+        sign, phase = -1.0, train.phases[mesh.name]
+    else:
+        sign, phase = 1.0, train.coast_phases[mesh.name]
+    return phase, mesh.transmission_error.table() * (1.0, sign, sign * direction)
 
 
 def common_period(train: "GearTrain") -> int:
