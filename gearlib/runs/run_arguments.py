@@ -1,4 +1,4 @@
-"""Types and checks of the arguments that all runs share."""
+"""Types and checks of the arguments that `simulate`, `sweep` and other runs share."""
 
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
@@ -11,7 +11,7 @@ from gearlib.parameters import CHOICE, Count, Positive, Speed, Unit
 
 #: Default limit of arcs (phases of contact, flights, Taylor steps) in one mesh period.
 MAX_EVENTS = 1_000_000
-#: Range of tunings: outside it rounding errors are as large as the motion.
+#: Range of tunings; outside this range rounding errors are as large as the motion.
 MIN_TUNING, MAX_TUNING = 1e-12, 1e5
 #: Largest memory of the record of a run or of the rows of a sweep, bytes.
 MAX_MEMORY = 2_000_000_000
@@ -25,7 +25,10 @@ MaxSeconds = Positive | None
 
 
 def check_tuning(name: str, value: float) -> float:
-    """Return the tuning given as argument `name`; raise ValueError if it is out of range."""
+    """Return a tuning as a float, or raise ValueError if it is out of range.
+
+    `name` is the name of the argument in the error message.
+    """
     return parameters.check(name, value, Tuning)
 
 
@@ -35,43 +38,51 @@ def is_valid_tuning(tuning):
 
 
 def tuning_of(model, tuning: float | None, speed: float | None) -> float:
-    """Return the checked tuning of a run for a tuning or a speed in rpm; the other one is None."""
+    """Return the tuning of a run, given as a tuning or as a speed in rpm.
+
+    One of the two must be None; otherwise, or if the speed is invalid, raise ValueError.
+    """
     check_either(model, "tuning", tuning, "speed", speed)
-    return tuning_at_speed(model, "speed", speed) if tuning is None else tuning
+    if tuning is None:
+        return tuning_at_speed(model, "speed", speed)
+    return tuning
 
 
 def tuning_at_speed(model, name: str, speed: float) -> float:
-    """Return the tuning of a model at a speed in rpm; raise ValueError if the speed is invalid.
+    """Convert a speed in rpm to the tuning of a model, or raise ValueError if it is invalid.
 
     `name` is the name of the argument in the error message.
     """
-    speed_at_resonance = float(model.speed(1.0))
+    resonance_speed = float(model.speed(1.0))
     speed = parameters.check(name, speed, Speed)
-    return float(model.tuning_at(checks.checked_speed(name, speed, speed_at_resonance)))
+    speed = checks.checked_speed(name, speed, resonance_speed)
+    return float(model.tuning_at(speed))
 
 
 def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
-    """Raise ValueError unless exactly one of a tuning and a speed is given (the other is None).
+    """Raise ValueError unless exactly one of a tuning and a speed is given, the other being None.
 
-    `tuning_name` and `speed_name` are the names of these arguments in the error message. A speed is
-    refused for a model without rotating bodies or without a time scale.
+    Both may be numbers or arrays; `tuning_name` and `speed_name` are the names of these arguments
+    in the error message. A speed is not allowed for a model without rotating bodies or without a
+    time scale.
     """
     checks.require(is_model(model), "model", model, "a model such as GearPair")
     checks.exactly_one(tuning_name, tuning, speed_name, speed)
     if speed is not None:
-        allowed = f"{tuning_name}, because nothing turns in this model"
+        allowed = f"{tuning_name}, because this model has no rotating bodies"
         checks.require(model.speed is not None, speed_name, speed, allowed)
-        # These are the scales of a pair made by `GearPair.from_ratios`.
-        has_time = not model.static_deflection == model.mesh_frequency(1.0) == 1.0
+        # `GearPair.from_ratios` makes a dimensionless model, whose scales are 1.
+        is_dimensionless = model.static_deflection == model.mesh_frequency(1.0) == 1.0
         allowed = f"{tuning_name}, because the model is dimensionless, without a scale of time"
-        checks.require(has_time, speed_name, speed, allowed)
+        checks.require(not is_dimensionless, speed_name, speed, allowed)
 
 
 def check_memory(argument: str, row_count: int, numbers_per_row: int, row_name: str):
-    """Raise ValueError if a table of `row_count` rows needs more than `MAX_MEMORY` bytes.
+    """Raise ValueError if a table of floats needs more than `MAX_MEMORY` bytes.
 
-    In the message, `argument` describes the argument that determines the size of the table, and
-    `row_name` is the name of its rows, such as "samples".
+    The table has `row_count` rows of `numbers_per_row` floats. In the message, `argument` describes
+    the argument that determines the size of the table, such as "samples = 1000", and `row_name`
+    is the plural name of its rows, such as "samples".
     """
     max_rows = MAX_MEMORY // (8 * numbers_per_row)
     if row_count > max_rows:
@@ -86,37 +97,41 @@ def check_rows(model, argument: str, tuning_count: int):
 
     `argument` describes the sweep in the error message.
     """
-    _, _, summary = model.empty_record()
+    _, _, summary_table = model.empty_record()
     # A row also has the final state, and at most one number for each field of `Rows`.
-    numbers_per_tuning = summary.size + len(model.components) + len(Rows._fields)
+    numbers_per_tuning = summary_table.size + len(model.components) + len(Rows._fields)
     check_memory(argument, tuning_count, numbers_per_tuning, "tunings")
 
 
 class RunArguments(NamedTuple):
     """Validated arguments of a run."""
 
-    span: Span  #: mesh periods of the run, of its record, and the limit of arcs per mesh period
+    span: Span  #: mesh periods of the run and of its record, and largest number of arcs per period
     state: tuple  #: initial state
-    method: str
+    method: str  #: name of the method, one of `gearlib.methods`
     module: Any  #: module of `gearlib.integrators` that implements the method
     options: dict  #: options of the method
 
     def attributes(self) -> dict:
-        """Return the arguments as attributes of a dataset, a dict of name to value."""
-        periods, recorded, _max_events = self.span
+        """Return the arguments as attributes of a dataset, {name: value}."""
+        periods, record_periods, _max_events = self.span
         return {
             "method": self.method,
             "options": self.options,
             "initial_state": self.state,
             "periods": periods,
-            "record_periods": recorded,
+            "record_periods": record_periods,
         }
 
 
 def check_run(
     model, periods, record_periods, initial_state, method=None, options=None, max_events=MAX_EVENTS
 ):
-    """Validate the arguments of `simulate` for a model and return them as `RunArguments`."""
+    """Validate the arguments of a run of a model and return them as `RunArguments`.
+
+    They have the meaning of the arguments of `simulate`; a `method` of None is chosen for the
+    model. Raise ValueError if one is wrong.
+    """
     method_name, module, options = integrators.choose_method(model, method, options)
     allowed = f"an integer from 1 to {periods}"
     checks.require(record_periods <= periods, "record_periods", record_periods, allowed)

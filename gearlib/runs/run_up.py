@@ -1,7 +1,6 @@
 """`run_up`: the motion of a model while its speed and its load change."""
 
 import math
-from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from gearlib.parameters import Count, Limits, NonNegative, Positive, Values, Who
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, check_memory, tuning_at_speed
 
-#: Names of the variables that are in SI units in run-ups only -> (CF units, long_name).
+#: Variables that are in SI units only in run-ups: name -> (CF units, long_name).
 _SI_VARIABLES = {
     "time": ("s", "time"),
     "load_ratio": ("1", "load over that of the model"),
@@ -41,7 +40,7 @@ _SI_VARIABLES = {
         if column.scale
     },
 }
-#: Rows of time, s, and speed in rpm, or load over that of the model.
+#: Rows (time in s, speed in rpm), and rows (time in s, ratio of the load to the load of the model).
 _SpeedCourse = Annotated[
     tuple[Annotated[tuple[NonNegative, ...], Values(2)], ...], Values(), MinLen(1)
 ]
@@ -71,10 +70,10 @@ def run_up(
     """Run a model up, down, or along any piecewise linear course of speed and load.
 
     At constant acceleration the stiffness switches at roots of a quadratic equation, and between
-    these switches the solution has a closed form, as at constant speed. With run-out, course
-    deviations or pairs of teeth it is a power series, accurate to rounding error; the attribute
-    ``source`` says so.
-    The mesh transmits the load and the inertia torque, see `gearlib.models.acceleration`.
+    these switches the solution has a closed form, as at constant speed. With run-out, deviations or
+    pairs of teeth the solution is a power series, accurate to rounding error; the attribute
+    ``source`` says which of the two was used. The mesh transmits the load and the inertia torque,
+    see `gearlib.models.acceleration`.
 
     Parameters
     ----------
@@ -92,8 +91,8 @@ def run_up(
         Speed course, instead of the four arguments above: pairs of time in seconds, increasing
         from 0, and speed in rpm. The speed is linear between them.
     load : sequence of (float, float), optional
-        Load course: pairs of time in seconds, non-decreasing, and ratio of the load to that of the
-        model (a factor on all torques of a train), finite. The load is linear between them and
+        Load course: pairs of time in seconds, non-decreasing, and ratio of the load to the load of
+        the model (a factor on all torques of a train), finite. The load is linear between them and
         constant before the first and after the last; two pairs at the same time are a step.
     driver : str, optional
         Name of the body of a train on which the accelerating torque acts. By default the body that
@@ -136,27 +135,37 @@ def run_up(
     """
     _check_model(model)
     speeds = speed_course(start, stop, duration, acceleration, speed)
-    is_rising = speeds[-1, 1] >= speeds[0, 1]
-    fastest_argument = "speed" if speed is not None else "stop" if is_rising else "start"
-    tuning_at_speed(model, fastest_argument, float(speeds[:, 1].max()))
+    # The name of the argument that sets the highest speed is for the error message.
+    if speed is not None:
+        argument_name = "speed"
+    else:
+        argument_name = "stop" if speeds[-1, 1] >= speeds[0, 1] else "start"
+    tuning_at_speed(model, argument_name, float(speeds[:, 1].max()))
     loads = _check_times("load", load, steps=True)
     if initial_state is None:
         state = model.static_state(model.tuning_at(speeds[0, 1]), float(loads[0, 1]))
     else:
         state = model.check_state(initial_state)
-    inertia_forces = _inertia_accelerations(model, driver, driven_mass, base_radius)
-    omega = float(model.mesh_frequency(1.0))
+    inertia_accelerations = _inertia_accelerations(model, driver, driven_mass, base_radius)
+    omega = float(model.mesh_frequency(1.0))  # the dimensionless time is theta = omega t
     runner, pieces, start_state = speed_courses.start_course_run(model, speeds, loads, state)
-    mesh_count, last = runner.meshes, pieces[-1]
-    final_phase = last.phase + last.length * (last.speed + 0.5 * last.acceleration * last.length)
-    numbers_per_period = (
-        samples_per_period * (mesh_count * 6 + model.size) + _NUMBERS_PER_PERIOD * mesh_count
-    )
+    mesh_count, last_piece = runner.meshes, pieces[-1]
+    mean_speed = last_piece.speed + 0.5 * last_piece.acceleration * last_piece.length
+    final_phase = last_piece.phase + last_piece.length * mean_speed
+    numbers_per_sample = mesh_count * 6 + model.size
+    numbers_per_period = samples_per_period * numbers_per_sample + _NUMBERS_PER_PERIOD * mesh_count
     description = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples_per_period}"
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
-    teeth, limit = model.periods_per_revolution, Limit(max_seconds)
-    arguments = start_state, samples_per_period, max_events, inertia_forces, teeth
-    course_run = speed_courses.run_courses(runner, pieces, *arguments)
+    limit = Limit(max_seconds)
+    course_run = speed_courses.run_courses(
+        runner,
+        pieces,
+        start_state,
+        samples_per_period,
+        max_events,
+        inertia_accelerations,
+        model.periods_per_revolution,
+    )
     records = list(limit.each(with_bar("parts of the run-up", course_run)))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
@@ -168,8 +177,10 @@ def run_up(
     if code != status.OK:
         # The numbers of a failed run are NaN, or 0 for integers.
         for name, (dims, values) in data.items():
-            is_float = values.dtype.kind == "f"
-            data[name] = dims, np.full(values.shape, np.nan) if is_float else 0 * values
+            if values.dtype.kind == "f":
+                data[name] = dims, np.full(values.shape, np.nan)
+            else:
+                data[name] = dims, 0 * values
     for name in data.keys() & _SI_VARIABLES.keys():
         units, long_name = _SI_VARIABLES[name]
         data[name] = *data[name], {"units": units, "long_name": long_name}
@@ -183,16 +194,23 @@ def run_up(
         "Run-up of a gear mesh", model, data, coords, method=runner.description, **attributes
     )
     dataset["status"].attrs["message"] = status.MESSAGES[code]
-    end = float(records[-1].theta[-1]) / omega
-    return limit.mark(dataset, [] if limit.complete else [[end, float(speeds[-1, 0])]])
+    missing_intervals = []
+    if not limit.complete:
+        end_time = float(records[-1].theta[-1]) / omega
+        missing_intervals.append([end_time, float(speeds[-1, 0])])
+    return limit.mark(dataset, missing_intervals)
 
 
 def _check_model(model):
-    """Raise ValueError unless `run_up` can run the model, which rotates and has an engine."""
+    """Raise ValueError unless `run_up` supports the model.
+
+    The model must have rotating bodies and be piecewise linear, without gyroscopic or harmonic
+    forces.
+    """
     type_name = type(model).__name__
     checks.require(is_model(model), "model", model, "a model such as GearPair")
     if model.speed is None:
-        raise ValueError(f"model of type {type_name} is not allowed: nothing turns in it")
+        raise ValueError(f"model of type {type_name} is not allowed: it has no rotating bodies")
     if model.speed_course_propagator is None:
         raise ValueError(
             f"model of type {type_name} is not allowed in a run-up: it must be piecewise linear; "
@@ -218,9 +236,9 @@ def speed_course(
     acceleration: Positive | None = None,
     speed: _SpeedCourse | None = None,
 ):
-    """Return the speed course as rows of time in s and speed in rpm, shape (n, 2).
+    """Return a speed course as rows (time in s, speed in rpm), shape (n, 2).
 
-    Give either the course as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
+    Give either these rows as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
     or an `acceleration` (rpm/s). Invalid arguments raise ValueError.
     """
     if speed is not None:
@@ -242,31 +260,34 @@ def speed_course(
     is_valid = len(course) > 1 and course[0, 0] == 0.0
     checks.require(is_valid, "speed", speed, "of two rows or more, the first at 0 s")
     if not course[:, 1].any():
-        raise ValueError("speed is not allowed to be 0 rpm all along: something must turn")
+        raise ValueError("speed is not allowed to be 0 rpm all along: it must be > 0 at some time")
     return course
 
 
 def _check_times(name: str, rows: Any, steps: bool = False) -> np.ndarray:
-    """Return a course, rows (time in s >= 0, speed or load), as an array, shape (n, 2).
+    """Return a course, rows (time in s, speed or load), as an array, shape (n, 2).
 
-    Raise ValueError, with the argument's `name`, if a time decreases. With `steps` two rows may
-    have the same time.
+    Raise ValueError if a time is negative or not later than the time before. With `steps` two rows
+    may have the same time. `name` is the name of the argument in the error message.
     """
-    for i, ((before, _), (t, _)) in enumerate(pairwise([(0.0, 0.0), *rows])):
-        is_later = t > before or (t == before and (steps or i == 0))
-        relation = "not before" if steps or i == 0 else "after"
-        checks.require(is_later, f"{name}[{i}][0]", t, f"{relation} {before!r} s")
+    previous_time = 0.0
+    for i, (time, _) in enumerate(rows):
+        may_be_equal = steps or i == 0
+        is_later = time > previous_time or (time == previous_time and may_be_equal)
+        relation = "not before" if may_be_equal else "after"
+        checks.require(is_later, f"{name}[{i}][0]", time, f"{relation} {previous_time!r} s")
+        previous_time = time
     return np.array(rows)
 
 
 def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarray:
-    """Return the dimensionless accelerations that a run-up adds to the coordinates of a model.
+    """Return the dimensionless accelerations of the coordinates of a model due to a run-up.
 
     They are the effect of inertia in the accelerating frame, per unit of d2tau/dtheta2 (tau is the
-    mesh phase, theta the dimensionless time), shape (n,), or (1,) for a model with one mesh. The
-    arguments are those of `run_up`: a train may have a `driver`, the name of the accelerating body;
-    a model with one mesh may have the `driven_mass` J / r_b^2 in kg of the driven gear and the
-    `base_radius` in m of the other.
+    mesh phase, theta the dimensionless time), shape (n,), or (1,) for a model with one mesh. For a
+    train, `driver` is the name of the body on which the accelerating torque acts, or None. For a
+    model with one mesh, `driven_mass` is J / r_b^2 of the driven gear in kg, and `base_radius` the
+    base radius of the other gear in m, or None without driven mass.
     """
     allowed = "a finite number > 0 where driven_mass is not 0"
     checks.require(base_radius or not driven_mass, "base_radius", base_radius, allowed)
@@ -284,54 +305,58 @@ def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarra
 
 
 def _revolution_variables(model, records: list, omega: float) -> dict:
-    """Return {name: (dims, values)} of the variables along the revolutions of a run-up.
+    """Return the variables along ``revolution`` of a run-up as {name: (dims, values)}.
 
     `records` are its `IntervalRecord`s in order of time, whose blocks of mesh periods are the
     revolutions. Their dimensionless time is theta = omega t, `omega` in rad/s.
     """
+    # A number for each mesh period; the first period of each revolution starts it.
     revolutions = np.concatenate([record.block for record in records])
-    starts = np.flatnonzero(np.diff(revolutions, prepend=-1))
-    start_theta = np.concatenate([record.theta[:-1] for record in records])[starts]
+    first_periods = np.flatnonzero(np.diff(revolutions, prepend=-1))
+    start_theta = np.concatenate([record.theta[:-1] for record in records])[first_periods]
     theta_steps = np.concatenate([np.diff(record.theta) for record in records])
     phase_steps = np.concatenate([np.diff(record.phase) for record in records])
-    duration, phase = np.add.reduceat(theta_steps, starts), np.add.reduceat(phase_steps, starts)
+    duration = np.add.reduceat(theta_steps, first_periods)
+    phase_change = np.add.reduceat(phase_steps, first_periods)
     # A revolution that extends over several records has a summary in each of them.
     table = np.concatenate([record.summary for record in records])
-    summary_blocks = np.concatenate([np.unique(record.block) for record in records])
-    rows = np.flatnonzero(np.diff(summary_blocks, prepend=-1))
-    summaries = summary.combined(table, rows)
+    summary_revolutions = np.concatenate([np.unique(record.block) for record in records])
+    first_rows = np.flatnonzero(np.diff(summary_revolutions, prepend=-1))
+    summaries = summary.combined(table, first_rows)
     # The total time is the sum of the times with drive-side contact (DRIVE), without contact and
     # with coast-side contact (COAST), so that fractions add up to 1.
     times = summaries[..., [orbit.TIME_DRIVE, orbit.TIME_NO_CONTACT, orbit.TIME_COAST]]
     total_time = times.sum(axis=-1)
     # Revolutions after the end of a failed run have no duration.
     total_time[total_time == 0.0] = np.nan
-    # After a failure there is no division by 0.
-    periods, scales = np.maximum(phase, 1e-300)[:, None] / math.tau, model.scales()
+    # The lower bound prevents a division by 0 after a failure.
+    periods = np.maximum(phase_change, 1e-300)[:, None] / math.tau
     columns = summary.column_values(summaries, total_time, periods)
-    # Only the scenes of the paper, at constant speed, ask for the time at the lower stiffness.
+    # The time at the lower stiffness is of interest at constant speed only.
     columns.pop("fraction_min_stiffness")
+    scales = model.scales()
     for column in COLUMNS:
         if column.scale:
             columns[column.name] *= scales[column.scale]
     dims = ("revolution", "mesh") if model.mesh_names else ("revolution",)
     variables = {
-        "revolution": (("revolution",), revolutions[starts]),
+        "revolution": (("revolution",), revolutions[first_periods]),
         "revolution_time": (("revolution",), (start_theta + 0.5 * duration) / omega),
-        "revolution_speed": (("revolution",), np.asarray(model.speed(phase / duration))),
+        "revolution_speed": (("revolution",), np.asarray(model.speed(phase_change / duration))),
     }
-    shape = (starts.size, -1) if model.mesh_names else (starts.size,)
+    shape = (first_periods.size, -1) if model.mesh_names else (first_periods.size,)
     return variables | {name: (dims, values.reshape(shape)) for name, values in columns.items()}
 
 
 def _event_variables(model, records: list, omega: float) -> dict:
-    """Return {name: (dims, values)} of the variables along the contact events of a run-up.
+    """Return the variables along ``event`` of a run-up as {name: (dims, values)}.
 
-    `records` are its `IntervalRecord`s, whose events start with (time, mesh, code before, code
-    after, velocity); the time is dimensionless, omega t with `omega` in rad/s.
+    `records` are its `IntervalRecord`s. The rows of their events start with (dimensionless time,
+    index of the mesh, contact code before, code after, velocity); the dimensionless time is omega
+    t, `omega` in rad/s.
     """
-    rows = np.concatenate([record.events for record in records])
-    times, mesh_indices, codes_before, codes_after, velocities, *_ = rows.T
+    events = np.concatenate([record.events for record in records])
+    times, mesh_indices, codes_before, codes_after, velocities, *_ = events.T
     tunings = []
     for record in records:
         tuning, _phase, _load = record.piece.at_times(record.events[:, 0])
@@ -348,26 +373,27 @@ def _event_variables(model, records: list, omega: float) -> dict:
     return {name: (("event",), values) for name, values in columns.items()}
 
 
-def _time_variables(model, records: list, omega: float, samples: int) -> dict:
+def _time_variables(model, records: list, omega: float, samples_per_period: int) -> dict:
     """Return the time history of a run-up as {variable name: (dims, values)}.
 
-    `records` are its `IntervalRecord`s, with `samples` in each mesh period; their dimensionless
-    time is theta = omega t, `omega` in rad/s.
+    `records` are its `IntervalRecord`s, with `samples_per_period` samples in each mesh period at
+    equal steps of time; their dimensionless time is theta = omega t, `omega` in rad/s.
     """
-    fractions = np.arange(samples) / samples
+    fractions = np.arange(samples_per_period) / samples_per_period
     thetas, excitations = [], []
     for record in records:
         steps = fractions * np.diff(record.theta)[:, None]
         thetas.append((record.theta[:-1, None] + steps).ravel())
         excitations.append(record.piece.at_times(thetas[-1]))
-    theta, (tuning, phase, load) = np.concatenate(thetas), np.hstack(excitations)
+    theta = np.concatenate(thetas)
+    tuning, phase, load_ratio = np.hstack(excitations)
     table = np.concatenate([record.samples for record in records])
-    length, force = model.static_deflection, model.scales()["force_scale"]
+    length_scale, force_scale = model.static_deflection, model.scales()["force_scale"]
     mesh_columns = {
-        "displacement": table[..., orbit.SAMPLE_X] * length,
-        "velocity": table[..., orbit.SAMPLE_V] * (length * omega),
-        "acceleration": table[..., orbit.SAMPLE_A] * (length * omega**2),
-        "dynamic_force": table[..., orbit.SAMPLE_FORCE] * force,
+        "displacement": table[..., orbit.SAMPLE_X] * length_scale,
+        "velocity": table[..., orbit.SAMPLE_V] * (length_scale * omega),
+        "acceleration": table[..., orbit.SAMPLE_A] * (length_scale * omega**2),
+        "dynamic_force": table[..., orbit.SAMPLE_FORCE] * force_scale,
         "contact": table[..., orbit.SAMPLE_CONTACT].astype(np.int8),
     }
     dims = ("time", "mesh") if model.mesh_names else ("time",)
@@ -375,12 +401,13 @@ def _time_variables(model, records: list, omega: float, samples: int) -> dict:
     data = {
         "time": (("time",), theta / omega),
         "speed": (("time",), np.asarray(model.speed(tuning))),
-        "load_ratio": (("time",), load),
+        "load_ratio": (("time",), load_ratio),
         "phase": (("time",), phase),
         **{name: (dims, values.reshape(shape)) for name, values in mesh_columns.items()},
     }
     if model.mesh_names:
+        # The states are the coordinates q and their rates; each body has motions along its axes.
         q = np.concatenate([record.states[:, : model.size // 2] for record in records])
-        body_displacements = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
-        data["body_motion"] = (("time", "body", "axis"), body_displacements)
+        body_motions = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length_scale
+        data["body_motion"] = (("time", "body", "axis"), body_motions)
     return data

@@ -55,19 +55,19 @@ def simulate(
         at the start of the period, the last one a step before its end.
     initial_state : tuple of float, default (0, 0)
         Displacement in static deflections and velocity dx/dtau at tau = 0. By default the flanks
-        just touch. For a `SixDegreePair`, all components as in `Orbit.state` are allowed as well.
+        just touch. A `SixDegreePair` also takes all components, as in `Orbit.state`.
     method : str, optional
         A name of `gearlib.methods`. By default "exact" if that method can run the model, otherwise
-        "taylor". The other methods are for comparison: their extrema are those at step ends and
-        samples, and they locate events between step ends.
+        "taylor". The other methods are for comparison: they take extrema at step ends and samples
+        only, and locate events between step ends.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int
         Largest number of arcs (intervals of contact or free flight) in a mesh period. A run that
         needs more is stopped.
     until_settled : bool, default False
-        Whether the run goes on after the recorded periods until the period of the motion is proven,
-        for at most twenty times `periods` or 5000 periods more. The record does not change.
+        Whether the run continues after the recorded periods until the period of the motion is
+        proven, for at most twenty times `periods` or 5000 periods more. The record does not change.
 
     Returns
     -------
@@ -78,9 +78,9 @@ def simulate(
         the recorded periods: event_phase, event_from, event_to, event_velocity. Scalars:
         final_state (component), the summary described in `gearlib.sweep`, evaluations (of the
         right-hand side in the whole run), the scales to SI, and status. ``period`` is 0 if the
-        motion has not settled; ``followed`` is the number of mesh periods of the run with those of
-        `until_settled`. If status is not 0, the run failed: all results are NaN and
-        ``status.attrs["message"]`` says what to do.
+        motion has not settled; ``followed`` is the number of mesh periods of the run, including
+        the additional ones of `until_settled`. If status is not 0, the run failed: all results are
+        NaN and ``status.attrs["message"]`` says what to do.
 
     Raises
     ------
@@ -95,11 +95,17 @@ def simulate(
     arguments = check_run(
         model, periods, record_periods, initial_state, method, options, max_events
     )
-    settings = samples_per_period, True, until_settled
-    record, followed_periods = _run(model, tuning, arguments, *settings)
+    record, followed_periods = _run(
+        model,
+        tuning,
+        arguments,
+        samples_per_period,
+        verify_period=True,
+        until_settled=until_settled,
+    )
     first_sample = (periods - record_periods) * samples_per_period
-    codes = np.array([record.period, record.status])
     sample_numbers = first_sample + np.arange(len(record.samples))
+    codes = np.array([record.period, record.status])
     data = {
         **_time_history(model, record.samples, record.status),
         **_event_variables(record.events),
@@ -118,31 +124,35 @@ def simulate(
 
 
 def run(model, tuning: float, samples_per_period: int, **settings):
-    """Run a model (`model`) at one tuning with other arguments of `simulate`; return the `Record`.
+    """Run a model at one tuning without verifying its period; return the `Record`.
 
-    If its status is not 0, its numbers are NaN and it has no events.
+    `settings` are the other arguments of `simulate`. If the status of the record is not 0, its
+    numbers are NaN and it has no events.
     """
-    return _run(model, tuning, check_run(model, **settings), samples_per_period)[0]
+    record, _ = _run(model, tuning, check_run(model, **settings), samples_per_period)
+    return record
 
 
 def _run(model, tuning, arguments, samples_per_period, verify_period=False, until_settled=False):
-    """Return (`Record` of a run of a model, number of all simulated mesh periods).
+    """Run a model at one tuning; return (`Record`, number of all simulated mesh periods).
 
-    `arguments` are its `RunArguments`. With `verify_period` the period of the motion is verified by
-    the Floquet multipliers of the orbit and its distance from grazing; with `until_settled` the run
-    goes on after the recorded periods until this succeeds.
+    `arguments` are the `RunArguments` of the run. With `verify_period` the period of the motion is
+    verified by the Floquet multipliers of the orbit and its distance from grazing; with
+    `until_settled` the run continues after the recorded periods until this succeeds. If the run
+    fails, or the motion grows without bound, the numbers of the record are NaN.
     """
-    recorded = arguments.span.recorded
-    argument = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
+    record_periods = arguments.span.recorded
+    argument = f"samples_per_period = {samples_per_period} with record_periods = {record_periods}"
     sample_table, _, _ = model.empty_record()
     numbers_per_sample = sample_table.shape[1]
-    sample_count = recorded * samples_per_period
+    sample_count = record_periods * samples_per_period
     check_memory(argument, sample_count, numbers_per_sample, "samples in all")
-    settings = arguments.state, arguments.span, samples_per_period
-    record = arguments.module.run(model, tuning, *settings, **arguments.options)
+    record = arguments.module.run(
+        model, tuning, arguments.state, arguments.span, samples_per_period, **arguments.options
+    )
     if record.status == status.OK:
-        limit = model.displacement_limit(tuning, arguments.state)
-        if summary.max_displacement(record.summary) > limit:
+        displacement_limit = model.displacement_limit(tuning, arguments.state)
+        if summary.max_displacement(record.summary) > displacement_limit:
             record = record._replace(status=status.OVERFLOW)
     if record.status != status.OK:
         for table in (record.samples, record.summary, record.final):
@@ -157,11 +167,13 @@ def _run(model, tuning, arguments, samples_per_period, verify_period=False, unti
 
 
 def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
-    """Return the time history of a model along ``phase`` as {variable name: (dims, values)}.
+    """Return the time history of a run along ``phase`` as {variable name: (dims, values)}.
 
-    `samples`, shape (n, columns), is the table of samples of a run with this status code.
+    `samples`, shape (n, columns), is the table of samples in the record of the run, with the
+    columns of `engines.orbit` for each mesh. The samples are NaN if `status_code` is not 0.
     """
-    dims, table = ("phase",), samples[:, : orbit.SAMPLE_COLUMNS]
+    dims: tuple = ("phase",)
+    table = samples[:, : orbit.SAMPLE_COLUMNS]
     if model.mesh_names:
         dims, mesh_count = ("phase", "mesh"), len(model.mesh_names)
         table = samples[:, : mesh_count * orbit.SAMPLE_COLUMNS]
@@ -170,8 +182,7 @@ def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
     if status_code == status.OK:
         contact_codes[:] = table[..., orbit.SAMPLE_CONTACT]
     stiffness = table[..., orbit.SAMPLE_STIFFNESS]
-    # The product is zero, but NaN for the NaN of a failed run.
-    no_stiffness = 0.0 * stiffness
+    no_stiffness = 0.0 * stiffness  # NaN for a failed run
     columns = {
         "displacement": table[..., orbit.SAMPLE_X],
         "velocity": table[..., orbit.SAMPLE_V],
@@ -189,7 +200,8 @@ def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
 def _event_variables(events: np.ndarray) -> dict:
     """Return the contact events of a run along ``event`` as {variable name: (dims, values)}.
 
-    `events`, shape (n, columns), is the table of events, with the columns of `engines.orbit`.
+    `events`, shape (n, columns), is the table of events in the record of the run, with the columns
+    of `engines.orbit`.
     """
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
     # Rounding of the sum must not change the order of the events.

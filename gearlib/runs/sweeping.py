@@ -31,10 +31,10 @@ from gearlib.runs.run_arguments import (
 #: Directions of warm-started sweeps: each run starts from the final state of the previous one.
 WARM_STARTED = DIRECTIONS[1:]
 
-#: Limits of the number of tunings in a chunk for a thread: larger chunks have less overhead,
+#: Smallest and largest number of tunings in a chunk for a thread: larger chunks have less overhead,
 #: smaller chunks balance the load of the threads.
 _MIN_CHUNK, _MAX_CHUNK = 16, 128
-#: A downward sweep is extended to this fraction of its lowest tuning.
+#: A downward sweep is extended down to this fraction of its lowest tuning.
 EXTENSION_RATIO = 0.2
 #: Motions are equal if their extrema differ by less than this, relative to the displacement range.
 _SAME_MOTION_TOLERANCE = 1e-3
@@ -75,12 +75,12 @@ def sweep(
     direction : {"cold", "up", "down"}
         "cold" starts every run from `initial_state`. "up" and "down" show hysteresis: they run from
         the lowest tuning up or from the highest down, and each run starts from the final state of
-        the previous one, or from `initial_state` if that has failed. Tunings must increase for
-        "up", and increase or decrease for "down". With run-out the gears keep their angles from run
-        to run, as in a slow run-up; six degrees of freedom need the method "exact".
+        the previous run, or from `initial_state` if the previous run has failed. Tunings must
+        increase for "up", and increase or decrease for "down". With run-out the gears keep their
+        angles from run to run, as in a slow run-up; six degrees of freedom need the method "exact".
     method : str, optional
         A name of `gearlib.methods`. By default "exact" if that method can run the model, otherwise
-        "taylor". The other methods are for comparison; their extrema are those at the step ends.
+        "taylor". The other methods are for comparison; they take extrema at step ends only.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int
@@ -98,13 +98,13 @@ def sweep(
         Along ``tuning``, in the order of the argument: displacement_max, displacement_min,
         dynamic_force_max, dynamic_force_min, the extrema of the closed-form solution;
         fraction_drive, contact_loss_fraction, fraction_coast, fraction_min_stiffness (contact at
-        C_min), fractions of time; bounces, losses of drive-side contact per mesh period; period,
-        the number of mesh periods, up to 16, after which the steady state repeats, proven by its
-        Floquet multipliers and its distance from grazing; 0 without a proof, see `until_settled` of
-        `simulate`. With run-out, period may also be 1 to 16 times the period of the run-out. The
-        methods for comparison compare states, to 1e-6 of the displacement range. final_state
-        (tuning, component); status, with NaN in all other variables where it is not 0; the scales
-        to SI.
+        the minimum stiffness), fractions of time; bounces, losses of drive-side contact per mesh
+        period; period, the number of mesh periods, up to 16, after which the steady state repeats,
+        proven by its Floquet multipliers and its distance from grazing; 0 without a proof, see
+        `until_settled` of `simulate`. With run-out, period may also be 1 to 16 times the period of
+        the run-out. For the methods for comparison, a motion repeats if its states agree to 1e-6 of
+        the displacement range. final_state (tuning, component); status, with NaN in all other
+        variables where it is not 0; the scales to SI.
 
     Raises
     ------
@@ -113,18 +113,22 @@ def sweep(
     """
     check_either(model, "tunings", tunings, "speeds", speeds)
     if speeds is None:
+        argument_name = "tunings"
         tunings = check_tunings("tunings", tunings, check_tuning)
     else:
-        check = functools.partial(tuning_at_speed, model)
-        tunings = model.tuning_at(check_tunings("speeds", speeds, check, model.tuning_at))
+        argument_name = "speeds"
+        check_speed = functools.partial(tuning_at_speed, model)
+        speeds = check_tunings("speeds", speeds, check_speed, model.tuning_at)
+        tunings = model.tuning_at(speeds)
     arguments = check_run(
         model, periods, record_periods, initial_state, method, options, max_events
     )
-    _check_order(direction, tunings, "tunings" if speeds is None else "speeds")
+    _check_order(direction, tunings, argument_name)
     allowed = f"'cold' for six degrees of freedom by method {arguments.method!r}; the method "
     allowed += "'exact' carries all coordinates along"
-    has_all = arguments.method == "exact" or model.size == 2
-    checks.require(direction == "cold" or has_all, "direction", direction, allowed)
+    # The final state of other methods lacks some of the six coordinates.
+    is_full_state = arguments.method == "exact" or model.size == 2
+    checks.require(direction == "cold" or is_full_state, "direction", direction, allowed)
     limit = Limit(max_seconds)
     check_rows(model, f"a sweep of {tunings.size:,} tunings", tunings.size)
     rows = _run_sweep(model, tunings, arguments, direction, threads or os.cpu_count(), limit)
@@ -140,10 +144,14 @@ def sweep(
     return limit.mark(dataset, tuning=rows.codes[:, 1] >= 0)
 
 
-def _run_sweep(model, tunings, arguments: RunArguments, direction, threads, limit) -> Rows:
-    """Run a sweep of a model in the direction "cold", "up" or "down"; return a row per tuning.
+def _run_sweep(
+    model, tunings, arguments: RunArguments, direction: str, threads: int, limit: Limit
+) -> Rows:
+    """Run a model at all tunings of a sweep; return its `Rows`, with a row for each tuning.
 
-    Only a cold sweep uses several threads. Rows that were not reached have the status -1.
+    `tunings`, shape (n,), may have any order. `direction` is "cold", "up" or "down"; only a cold
+    sweep uses several threads. Rows that are not computed when the time `limit` is over have the
+    status -1.
     """
     _, _, summary_table = model.empty_record()
     rows = Rows(
@@ -157,7 +165,7 @@ def _run_sweep(model, tunings, arguments: RunArguments, direction, threads, limi
     run_arguments = arguments.state, is_warm_started, arguments.span, rows
 
     def run_tunings(indices):
-        """Fill the rows at these indices of the tunings, in this order."""
+        """Run the model at the tunings with these indices, in this order, and fill their rows."""
         arguments.module.sweep(model, tunings, indices, *run_arguments, **arguments.options)
 
     order = np.argsort(tunings)
@@ -165,12 +173,15 @@ def _run_sweep(model, tunings, arguments: RunArguments, direction, threads, limi
         order = order[::-1].copy()
     chunk_size = min(max(order.size // (4 * threads), _MIN_CHUNK), _MAX_CHUNK)
     chunks = [order[i : i + chunk_size] for i in range(0, order.size, chunk_size)]
-    # The kernel of a `GearPair` takes all its tunings at once, others take one after the other.
-    is_whole = arguments.method == "exact" and model.pair is model and not limit.is_set
+    # The kernel of a `GearPair` takes an array of tunings at once, others one after the other.
+    takes_arrays = arguments.method == "exact" and model.pair is model and not limit.is_set
     if is_warm_started or threads == 1 or len(chunks) < 2:
-        run_tunings(order if is_whole else with_bar("tunings", limit.each(order), order.size))
+        if takes_arrays:
+            run_tunings(order)
+        else:
+            run_tunings(with_bar("tunings", limit.each(order), order.size))
     else:
-        parts = chunks if is_whole else map(limit.each, chunks)
+        parts = chunks if takes_arrays else map(limit.each, chunks)
         # Kernels release the interpreter lock, so threads run in parallel.
         with ThreadPoolExecutor(threads) as pool:
             list(with_bar("parts of the sweep", pool.map(run_tunings, parts), len(chunks)))
@@ -178,50 +189,64 @@ def _run_sweep(model, tunings, arguments: RunArguments, direction, threads, limi
 
 
 def _check_order(direction: str, tunings: np.ndarray, name: str):
-    """Raise ValueError unless the tunings, the argument `name`, suit the sweep direction.
+    """Raise ValueError unless the order of the tunings, shape (n,), suits the sweep direction.
 
-    They must increase for "up", be monotonic for "down", and may have any order for "cold".
+    They must increase for "up", increase or decrease for "down", and may have any order for "cold".
+    `name` is the name of the argument in the error message.
     """
+    if direction == "cold":
+        return
     steps = np.diff(tunings)
-    increasing, decreasing = (steps > 0.0).all(), (steps < 0.0).all()
-    is_allowed = {"cold": True, "up": increasing, "down": increasing or decreasing}
-    if not is_allowed[direction]:
-        order = "increasing" if direction == "up" else "increasing or decreasing"
+    if direction == "up":
+        order, is_allowed = "increasing", (steps > 0.0).all()
+    else:
+        order = "increasing or decreasing"
+        is_allowed = (steps > 0.0).all() or (steps < 0.0).all()
+    if not is_allowed:
         raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {order} values")
 
 
 def sweep_down(model, tunings: np.ndarray, lowest: float, **settings):
-    """Sweep down until the motion agrees with an upward sweep; return (dataset, whether it does).
+    """Sweep a model down to a tuning at which the motion agrees with an upward sweep.
 
-    `model` is a model. `tunings`, shape (n,), increase in equal steps; the sweep continues in these
-    steps below the first of them, at most to the tuning `lowest`. `settings` are other arguments of
-    `sweep`. The dataset starts at the highest tuning <= `tunings[0]` at which both agree, if any.
+    `tunings`, shape (n,), increase in equal steps; the downward sweep continues in these steps
+    below the first of them, at most to the tuning `lowest`. `settings` are other arguments of
+    `sweep`. Return (dataset of the downward sweep, whether the motions agree anywhere). The dataset
+    starts at the highest tuning <= `tunings[0]` at which they agree, or else at the lowest tuning.
     """
-    first, step = float(tunings[0]), float(tunings[1] - tunings[0])
-    count = max(0, math.floor((first - lowest) / step + 1e-9))
-    extension = np.round(first - step * np.arange(count, 0, -1), 12)
-    curve = sweep(model, np.concatenate([extension, tunings]), direction="down", **settings)
+    first_tuning, step = float(tunings[0]), float(tunings[1] - tunings[0])
+    added_count = max(0, math.floor((first_tuning - lowest) / step + 1e-9))
+    added_tunings = np.round(first_tuning - step * np.arange(added_count, 0, -1), 12)
+    curve = sweep(model, np.concatenate([added_tunings, tunings]), direction="down", **settings)
     if not curve.get("complete", True):
         return curve, False
-    down = curve.isel(tuning=slice(count + 1))
+    down = curve.isel(tuning=slice(added_count + 1))
     up = sweep(model, down.tuning.values, direction="up", **settings)
     agreeing_indices = np.flatnonzero(motions_agree(up, down))
-    start = agreeing_indices[-1] if agreeing_indices.size else 0
-    return curve.isel(tuning=slice(start, None)), bool(agreeing_indices.size)
+    if not agreeing_indices.size:
+        return curve, False
+    return curve.isel(tuning=slice(agreeing_indices[-1], None)), True
 
 
 def motions_agree(up, down) -> np.ndarray:
-    """Return whether the motions of two sweeps over the same tunings are the same, (n,)."""
+    """Return a mask, shape (n,), of the tunings at which two sweeps have the same motion.
+
+    `up` and `down` are datasets of `sweep` over the same tunings. Motions are the same if their
+    displacement extrema agree.
+    """
     displacement_range = up.displacement_max - up.displacement_min
-    errors = [np.abs(down[name] - up[name]) for name in ("displacement_max", "displacement_min")]
-    return (np.maximum(*errors) <= _SAME_MOTION_TOLERANCE * displacement_range).values
+    max_differences = np.abs(down.displacement_max - up.displacement_max)
+    min_differences = np.abs(down.displacement_min - up.displacement_min)
+    differences = np.maximum(max_differences, min_differences)
+    return (differences <= _SAME_MOTION_TOLERANCE * displacement_range).values
 
 
 def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray:
-    """Return the distinct tunings or speeds of a sweep as a float array, shape (n,).
+    """Return the tunings or speeds of a sweep as a float array, shape (n,), or raise ValueError.
 
-    Raise ValueError with the argument's `name` if they are invalid; `check(name, value)` does so
-    for a single value. `tuning_at` converts an array of speeds to tunings.
+    They must be valid and all different. `name` is the name of the argument in error messages,
+    `check(name, value)` is a function that raises ValueError for a single invalid value, and
+    `tuning_at` converts an array of the values to tunings, by default without a change.
     """
     try:
         values = np.atleast_1d(np.asarray(tunings))
