@@ -92,7 +92,10 @@ def gather_failures(columns):
 
 
 def _group_by(datasets, coordinate):
-    """Return lists of the datasets with an equal scalar `coordinate`, in order of appearance."""
+    """Return lists of datasets with equal values of a scalar `coordinate`, in order of appearance.
+
+    `coordinate` is the name of the coordinate.
+    """
     groups = {}
     for dataset in datasets:
         groups.setdefault(dataset[coordinate].item(), []).append(dataset)
@@ -102,7 +105,8 @@ def _group_by(datasets, coordinate):
 def _concatenate_by_damping(datasets, dim, shared_names):
     """Return datasets concatenated along `dim` for each damping, then along `damping`.
 
-    `shared_names` are the names of variables that do not vary along `dim`.
+    `shared_names` are the names of variables that do not vary along `dim`. Scales do not vary along
+    `damping`.
     """
     groups = _group_by(datasets, "damping")
     by_damping = [_concatenate(group, dim, shared_names) for group in groups]

@@ -14,7 +14,10 @@ def float_array(numbers):
     """Return numbers as an array of floats, or an empty array if they are not all numbers."""
     try:
         array = np.asarray(numbers)
-        return array.astype(float, copy=False) if array.dtype.kind in "iufO" else np.empty(0)
+        # Bool and text arrays do not count as numbers; object arrays may hold numbers.
+        if array.dtype.kind in "iufO":
+            return array.astype(float, copy=False)
+        return np.empty(0)
     except (TypeError, ValueError, OverflowError):
         return np.empty(0)
 

@@ -98,7 +98,7 @@ def result_of_many(title, data, coords, method=None, /, **attributes):
 def _origin(title, method):
     """Return the attributes that all datasets have: CF version, title and source.
 
-    The source is the version of the library and, unless it is None, the method of computation.
+    The source names the version of the library and `method`, the method of computation or None.
     """
     source = f"gearlib {__version__}"
     if method:

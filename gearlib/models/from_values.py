@@ -96,7 +96,8 @@ def pair_with_profile(profile: dict | None = None, **values: Any) -> GearPair | 
 def model(description: dict) -> Model:
     """Return the model that a dict describes.
 
-    Its key "model" is a key of `MODELS`, and its other values are passed to this function.
+    The value of its key "model" is the kind of the model, a key of `MODELS`. Its other values are
+    the arguments of the function that builds models of this kind.
     """
     arguments = {name: value for name, value in description.items() if name != "model"}
     return MODELS[description["model"]](**arguments)

@@ -146,7 +146,7 @@ class LoadSharingPair(WithPair):
             Fraction of the gear bodies' compliance that all pairs have in common, from 0 to 1; by
             default a fit to finite elements, see `gearlib.models.geometry.mesh_stiffness`.
         twist : bool, default True
-            Whether the bodies of gears with bores twist about them.
+            Whether gear bodies twist about their bores.
         **options
             Fields of the class: phases, deviation, pitch_errors, corner_contact; and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
@@ -301,7 +301,7 @@ class LoadSharingPair(WithPair):
 
     @cached_property
     def system_and_max_stiffness(self) -> tuple[ToothPairSystem, float]:
-        """The `ToothPairSystem`, without a tuning, and its largest over its mean stiffness.
+        """The `ToothPairSystem` for any tuning, and the ratio of its largest to its mean stiffness.
 
         `system` sets its tuning, damping and largest step. Segments lie between neighbouring
         breakpoints of the whole period, which is `repeats` mesh periods long and starts at phase 0.

@@ -123,8 +123,8 @@ class Model:
     def contact_modes(self, system: Any) -> tuple[np.ndarray, ...]:
         """Return the dimensionless natural modes of a `TrainSystem` in permanent contact.
 
-        They are (natural frequencies, mode shapes, rigid-body motions, mass matrix). Each column of
-        the shapes and motions is a mode or a motion.
+        They are (natural frequencies, mode shapes, rigid-body motions, mass matrix); each column of
+        the second and third matrix is a shape or a motion.
         """
         if self.train:
             return self.train.contact_modes(system)
@@ -241,11 +241,11 @@ class Model:
     parameter = value
 
     def with_parameter(self, name: str, value: float) -> Any:
-        """Return a copy of the model with a new value of one of `parameters`."""
+        """Return a copy of the model with a new value of `name`, a key of `parameters`."""
         return dataclasses.replace(self, **{name: value})  # type: ignore[type-var]
 
     def disturbed_state(self, state: tuple[float, ...], disturbance: float) -> tuple:
-        """Return an initial state with a disturbance added to the displacement."""
+        """Return the initial `state` with a disturbance added to its first displacement."""
         return state[0] + disturbance, *state[1:]
 
     def empty_record(self, samples: int = 0, events: int = 16) -> tuple:
@@ -283,9 +283,10 @@ class Model:
         return {"component": list(self.components)}
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the matrices (reduce, lift) that remove rigid-body rotation from a state and back.
+        """Return the matrices (reduce, lift) between full states and states without rigid rotation.
 
-        A model without rigid-body rotation has identity matrices.
+        `reduce` removes rigid-body rotation from a state, and `lift` returns to a full state. Both
+        are identity matrices for a model without rigid-body rotation.
         """
         return np.eye(self.size), np.eye(self.size)
 
@@ -430,14 +431,20 @@ class Model:
 
 
 def single_mesh_propagator(model: Model, tuning: float, **options: Any) -> Any:
-    """Return the integrator in closed forms for a piecewise-linear model at a tuning."""
+    """Return the integrator in closed forms for a piecewise-linear model at a tuning.
+
+    `options` are keyword arguments of `SingleMeshPropagator`.
+    """
     from gearlib.engines.linear.propagator import SingleMeshPropagator
 
     return SingleMeshPropagator(model, tuning, **options)
 
 
 def taylor_propagator(model: Model, tuning: float, **options: Any) -> Any:
-    """Return the integrator by Taylor series for a model of one degree of freedom at a tuning."""
+    """Return the integrator by Taylor series for a model of one degree of freedom at a tuning.
+
+    `options` are keyword arguments of its class `Propagator`.
+    """
     from gearlib.engines.taylor.propagator import Propagator
 
     return Propagator(model, tuning, **options)

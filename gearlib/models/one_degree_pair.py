@@ -74,7 +74,7 @@ class Equation:
     natural_frequency: float = 1.0  #: natural frequency in contact, which sets the step length
 
     def is_piecewise_linear(self) -> bool:
-        """Return whether the equation is linear with constant coefficients between switches."""
+        """Return whether the equation is linear with constant coefficients between events."""
         nonlinear = self.damping[:, 1:].any() or self.stiffness_powers.any()
         for pieces in (self.drive_stiffness, self.coast_stiffness):
             nonlinear |= bool(pieces.harmonics.size) or pieces.lines[:, 1].any()

@@ -27,7 +27,10 @@ _MIN_SCALAR_STIFFNESS_RATIO = 1e-4
 
 
 def _scalar_propagator(model: "GearPair", tuning: float, **options: Any) -> Any:
-    """Return the integrator of a gear pair in scalar closed forms at a tuning."""
+    """Return the integrator of a gear pair in scalar closed forms at a tuning.
+
+    `options` are keyword arguments of its class `Propagator`.
+    """
     # Imported on first use, because it takes time to load.
     from gearlib.engines.pair.propagator import Propagator
 

@@ -230,9 +230,10 @@ class SixDegreePair(WithPair):
         return 4 + 2 * len(self.elastic_bearings())
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the matrices (reduce, lift) that remove rigid-body rotation from a state and back.
+        """Return the matrices (reduce, lift) between full states and states without rigid rotation.
 
-        The shapes are (n - 2, n) and (n, n - 2) for a state of n components.
+        `reduce`, shape (n - 2, n), removes rigid-body rotation from a state of n components, and
+        `lift`, shape (n, n - 2), returns to a full state.
         """
         n = self.size
         # The mesh depends only on the sum u3 + u2 of the rotations; their difference is the
@@ -306,7 +307,7 @@ class SixDegreePair(WithPair):
         z[:2] = fractions * (state[0] - drive_line @ z)
         velocity = drive_line @ (system.base_matrix @ z) / system.tuning
         z[m : m + 2] = fractions * (state[1] - velocity)
-        # The sum of the fractions has a rounding error, which is removed from the displacement.
+        # Remove the rounding error of the fractions from the displacement.
         z[0] += state[0] - drive_line @ z
         return z
 
@@ -365,9 +366,9 @@ class TwoGears(GearTrain):
         object.__setattr__(self, "reference", "mesh")
 
     def assemble(self, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
-        """Return the matrices in an arithmetic, with rotations before bearing motions.
+        """Return the matrices of the train, with rotations before bearing motions.
 
-        The arithmetic is that of floating-point numbers or of balls, which enclose numbers.
+        They are computed in floating-point arithmetic or in ball arithmetic, which encloses errors.
         """
         return structure(self.by_name, self.meshes, (), arithmetic, rotations_first=True)
 

@@ -272,7 +272,12 @@ class SpurGear:
         self._check_blank()
 
     def _set_tip_and_check_teeth(self) -> None:
-        """Set the default tip diameter, and raise ValueError if the teeth are impossible."""
+        """Set the default tip diameter, and raise ValueError if the teeth are impossible.
+
+        The rack must not have pointed tips and must not undercut the teeth. The tip of the teeth
+        must lie outside of the base circle and must not be pointed. There must be no pitch errors
+        or one for each tooth, and a tip relief must be thinner than half of the tip.
+        """
         rack, root_diameter, base_diameter = self.rack, self.root_diameter, self.base_diameter
         max_dedendum = math.pi / 4.0 / math.tan(self.pressure_angle)
         allowed = f"<= {max_dedendum:.4g} at this pressure angle, where its own tips are pointed"
@@ -301,17 +306,17 @@ class SpurGear:
         allowed += ", by its base and root circles"
         valid = min_diameter < self.tip_diameter < max_diameter
         checks.require(valid, "tip_diameter", self.tip_diameter, allowed)
-        thickness = self.thickness_at(self.tip_diameter)
-        allowed = f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick;"
-        allowed += " > 0 is allowed)"
-        checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, allowed)
+        tip_thickness = self.thickness_at(self.tip_diameter)
+        allowed = "such that the tooth is not pointed"
+        allowed += f" (its tip would be {tip_thickness:.3g} m thick; > 0 is allowed)"
+        checks.require(tip_thickness > 0.0, "tip_diameter", self.tip_diameter, allowed)
         allowed = f"{self.teeth} numbers, one for each tooth"
         valid = len(self.pitch_errors) in (0, self.teeth)
         checks.require(valid, "pitch_errors", self.pitch_errors, allowed)
         if self.tip_relief is not None:
             amount = self.tip_relief.amount
-            allowed = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"
-            checks.require(amount < thickness / 2.0, "tip_relief.amount", amount, allowed)
+            allowed = f"below half of the thickness of the tip, {tip_thickness / 2.0:.4g} m"
+            checks.require(amount < tip_thickness / 2.0, "tip_relief.amount", amount, allowed)
 
     def _check_blank(self) -> None:
         """Raise ValueError if bore, outer diameter or web do not fit the root circle of the gear.

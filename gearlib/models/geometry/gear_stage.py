@@ -453,7 +453,7 @@ class GearStage:
             Fraction of the compliance of the gear bodies that all pairs have in common, from 0 to
             1; by default a fit to finite elements. It has no effect if the stiffness is a table.
         twist : bool, default True
-            Whether the bodies of gears with bores twist about them; only for "energy".
+            Whether gear bodies twist about their bores; only for "energy".
         deviation : PathTable, optional
             Additional gap over the path of contact, m.
         pitch_errors : sequence of float, optional

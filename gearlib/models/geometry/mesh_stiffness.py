@@ -353,9 +353,12 @@ def compliance_matrix(pair, positions, forces, coupling=None) -> np.ndarray:
     `coupling` from 0 to 1 they share coupling sqrt(f_i f_j), where f_i is the body compliance of a
     gear under pair i.
     """
-    pinion, wheel = (tooth.compliance(phi) for tooth, phi in pair.teeth_with_phi(positions))
+    pinion_compliance, wheel_compliance = (
+        tooth.compliance(phi) for tooth, phi in pair.teeth_with_phi(positions)
+    )
     body_compliances = pair.body_compliances(positions)
-    pair_compliance = pinion + wheel + pair.contact_compliance(positions, forces)
+    pair_compliance = pinion_compliance + wheel_compliance
+    pair_compliance = pair_compliance + pair.contact_compliance(positions, forces)
     diagonal = pair_compliance + body_compliances.sum(axis=0)
     count = positions.shape[1]
     if coupling is None:
@@ -365,8 +368,8 @@ def compliance_matrix(pair, positions, forces, coupling=None) -> np.ndarray:
         distances = np.abs(pair_indices[:, None] - pair_indices)
         matrix = np.tile(shared[distances], (len(diagonal), 1, 1))
     else:
-        root = np.sqrt(body_compliances)
-        matrix = coupling * np.einsum("gnk,gnl->nkl", root, root)
+        roots = np.sqrt(body_compliances)
+        matrix = coupling * np.einsum("gnk,gnl->nkl", roots, roots)  # the sum over both gears g
     np.einsum("nkk->nk", matrix)[:] = diagonal
     return matrix
 

@@ -232,13 +232,13 @@ def optimum_relief(
     load = checks.gear_stage(stage).load(torque)
     stage = stage.with_reliefs(None, None)
     pair_count = math.floor(stage.contact_ratio)
-    limit = stage.longest_relief
-    long_length = min((stage.contact_ratio - pair_count) * stage.base_pitch, limit)
+    max_length = stage.longest_relief
+    long_length = min((stage.contact_ratio - pair_count) * stage.base_pitch, max_length)
     named_lengths = {"long": long_length, "short": long_length / 2.0}
     fixed_length = named_lengths[length] if checks.is_one_of(length, named_lengths) else length
     if fixed_length is not None:
-        allowed = f"'long', 'short' or > 0 and <= {limit:.6g} m, (eps_alpha - 1) p_bt"
-        is_valid = isinstance(fixed_length, Real) and 0.0 < fixed_length <= limit
+        allowed = f"'long', 'short' or > 0 and <= {max_length:.6g} m, (eps_alpha - 1) p_bt"
+        is_valid = isinstance(fixed_length, Real) and 0.0 < fixed_length <= max_length
         checks.require(is_valid and fixed_length is not True, "length", fixed_length, allowed)
     # The amount of a tip relief must be less than half of the tooth thickness at the tip.
     gears = (stage.pinion, stage.wheel)
@@ -255,20 +255,20 @@ def optimum_relief(
     def values_in_m(points):
         """Return both amounts and the length in m, (n,) each, of n points of the variables.
 
-        The last variable is the length over `limit`, unless there is a `fixed_length`. The first
-        two are the amounts over `deflections`, times the square of this relative length: thus the
-        valley of small errors runs along the length.
+        The last variable is the length over `max_length`, unless there is a `fixed_length`. The
+        first two are the amounts over `deflections`, times the square of this relative length: thus
+        the valley of small errors runs along the length.
         """
         *scaled_amounts, length = np.transpose(points)
         if fixed_length is not None:
             scaled_amounts.append(length)
-            length = np.full(len(points), fixed_length / limit)
+            length = np.full(len(points), fixed_length / max_length)
         amounts = []
         for scaled, deflection, max_amount in zip(
             scaled_amounts, deflections, max_amounts, strict=True
         ):
             amounts.append(np.minimum(scaled / length**2 * deflection, max_amount))
-        return *amounts, limit * length
+        return *amounts, max_length * length
 
     def errors(points, pairs=pairs):
         """Return the transmission errors of n points at m phases over the sum of `deflections`.
@@ -280,6 +280,7 @@ def optimum_relief(
         gap = pairs.gap
         for tip_distance, amount in zip(tip_distances, amounts, strict=True):
             gap = gap + gap_of_relief(tip_distance, amount, length, shape)
+        # All points are solved at once: the phases are repeated for each point.
         repeated = pairs.at_phases(np.tile(np.arange(len(pairs.gap)), len(points)))
         repeated = replace(repeated, gap=gap.reshape(repeated.gap.shape))
         displacement = repeated.forces_under_loads([load]).displacement
@@ -290,7 +291,7 @@ def optimum_relief(
         return pairs.at_phases(np.arange(0, len(pairs.gap), math.ceil(len(pairs.gap) / count)))
 
     is_free = fixed_length is None
-    length = (long_length if is_free else fixed_length) / limit
+    length = (long_length if is_free else fixed_length) / max_length
     optimum = np.array([length**2 / pair_count] * 2 + [length] * is_free)
     if np.ptp(errors([optimum])) > _FLATNESS_TOLERANCE:
         scale = 1.0 if is_free else length**2
@@ -345,7 +346,7 @@ def _optimum_of_helical(
     `GearStage.transmission_error`.
     """
     phases = min(phases, _HELICAL_PHASES)
-    limit = stage.longest_relief
+    max_length = stage.longest_relief
     unrelieved = stage.transmission_error(torque, phases=phases, **options)
     deflection = float(unrelieved.transmission_error.mean())
 
@@ -353,9 +354,9 @@ def _optimum_of_helical(
         """Return the stage with the tip reliefs that two or three dimensionless variables define.
 
         They are both amounts over the `deflection` and, unless there is a `fixed_length`, the
-        length over `limit`.
+        length over `max_length`.
         """
-        length = float(limit * variables[2]) if fixed_length is None else fixed_length
+        length = float(max_length * variables[2]) if fixed_length is None else fixed_length
         reliefs = []
         for relative_amount, max_amount in zip(variables[:2], max_amounts, strict=True):
             amount = min(float(relative_amount) * deflection, max_amount)
@@ -366,8 +367,12 @@ def _optimum_of_helical(
         relieved = relieved_stage(variables).transmission_error(torque, phases=phases, **options)
         return relieved.peak_to_peak_error.item() / deflection
 
-    lengths = [(length,) for length in _HELICAL_LENGTHS] if fixed_length is None else [()]
-    points = [(a, a, *length) for a, length in itertools.product(_HELICAL_AMOUNTS, lengths)]
+    lengths: list[tuple] = [()]
+    if fixed_length is None:
+        lengths = [(length,) for length in _HELICAL_LENGTHS]
+    points = []
+    for amount, length in itertools.product(_HELICAL_AMOUNTS, lengths):
+        points.append((amount, amount, *length))
     start = min(points, key=relative_error)
     bounds = [(0.0, _MAX_AMOUNT)] * 2 + [(_MIN_LENGTH, 1.0)] * len(lengths[0])
     return relieved_stage(np.round(_descend(relative_error, start, bounds), _DECIMALS))
