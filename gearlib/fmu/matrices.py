@@ -1,4 +1,4 @@
-"""The matrices of a gear train that its FMU needs, in SI units, by their names in C."""
+"""Matrices of a gear train for its FMU, in SI units, by the names of their constants in C."""
 
 import math
 from typing import Any
@@ -9,46 +9,52 @@ from gearlib import checks
 from gearlib.models import acceleration
 from gearlib.models.trains import waves
 
-#: Smaller fractions of a motion are rounding errors.
+#: Parts of a motion below this fraction are rounding errors.
 _ROUNDING = 1e-9
 
 
 def check_train(train: Any, prescribed_speed: bool) -> None:
-    """Raise ValueError for a `GearTrain` that an FMU cannot be."""
+    """Raise ValueError for a `GearTrain` that cannot be written as an FMU.
+
+    `prescribed_speed` is True if the speed is an input of the FMU.
+    """
     for mesh in train.meshes:
         owner = f"mesh {mesh.name}"
         checks.require(not any(mesh.friction), "friction", mesh.friction, "0 in an FMU", owner)
         checks.require_damping(mesh.material_damping, f" of {owner}")
-    turns = train.gyroscopic and train.speeds.frame != 0
+    frame_turns = train.gyroscopic and train.speeds.frame != 0
     allowed = "False in an FMU whose speed is not prescribed, because its forces change with it"
-    checks.require(prescribed_speed or not turns, "gyroscopic", True, allowed)
+    checks.require(prescribed_speed or not frame_turns, "gyroscopic", True, allowed)
     if not prescribed_speed:
         allowed = "True, because the train has no free rotation that torques could turn"
         checks.require(_rotates_freely(train), "prescribed_speed", False, allowed)
 
 
 def _rotates_freely(train: Any) -> bool:
-    """Return whether no spring resists the rigid rotation of a train.
+    """Return whether no spring resists the rigid-body rotation of a train.
 
-    A single free motion is the rotation, even if bodies on torsional supports stand still in it.
+    A single free motion counts as this rotation, even if bodies on torsional supports stand still
+    in it. With several free motions, the angles of all bodies must also follow the rotation.
     """
     free, names = train.free_motions, train.names["body"]
     if free.shape[1] == 0:
         return False
     motion, speeds = acceleration.rigid_motion(train, names)
     remainder = motion - free @ (free.T @ (train.structure.mass @ motion))
-    turns = np.abs(remainder).max() <= _ROUNDING * np.abs(motion).max() > 0.0
+    largest_motion = np.abs(motion).max()
+    is_free = largest_motion > 0.0 and np.abs(remainder).max() <= _ROUNDING * largest_motion
     if free.shape[1] == 1:
-        return turns
+        return is_free
     radii = np.array([body.base_radius for body in train.bodies])
     rates = train.structure.motions[:, 2] @ motion / radii
-    return turns and np.abs(rates - speeds).max() <= _ROUNDING * np.abs(speeds).max()
+    return is_free and np.abs(rates - speeds).max() <= _ROUNDING * np.abs(speeds).max()
 
 
 def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, Any]:
-    """Return the constants of the template, name in C -> array, float or int.
+    """Return the constants of the template: name in C -> array, float or int.
 
-    `speed` is that of the reference pinion at the start, in rpm.
+    `prescribed_speed` is True if the speed is an input; `speed` is the speed of the reference
+    pinion at the start in rpm, >= 0.
     """
     structure, names = train.structure, train.names["body"]
     inverse_mass = np.linalg.inv(structure.mass)
@@ -112,9 +118,10 @@ def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, An
 
 
 def _norms(train: Any) -> np.ndarray:
-    """Return bounds of the rates of all motions, rad/s, and their growth with the frame speed.
+    """Return a bound of the rates of all motions in rad/s, as a polynomial of the frame speed.
 
-    They are the coefficients of a polynomial of the speed of the turning frame, rad/s, shape (3,).
+    The result, shape (3,), holds the coefficients of the powers 0, 1 and 2 of the speed of the
+    rotating frame in rad/s.
     """
     structure = train.structure
     omega = train.reference_angular_frequency
@@ -124,26 +131,31 @@ def _norms(train: Any) -> np.ndarray:
     for mesh, line in zip(train.meshes, structure.lines, strict=True):
         stiffness += mesh.max_stiffness * np.outer(line, line)
     skew = root @ (stiffness - stiffness.T) @ root.T / 2.0
-    size = np.linalg.norm(root @ stiffness @ root.T, 2) + np.linalg.norm(skew, 2)
-    frequency = math.sqrt(size)
-    coriolis, circulatory, centrifugal = (
-        float(np.linalg.norm(root @ matrix @ root.T, 2))
-        for matrix in (structure.coriolis, structure.circulatory, structure.centrifugal)
-    )
-    growth = coriolis + circulatory / frequency
-    return np.array([at_rest * omega, growth, centrifugal / frequency])
+    stiffness_norm = np.linalg.norm(root @ stiffness @ root.T, 2) + np.linalg.norm(skew, 2)
+    frequency = math.sqrt(stiffness_norm)
+    coriolis_norm = float(np.linalg.norm(root @ structure.coriolis @ root.T, 2))
+    circulatory_norm = float(np.linalg.norm(root @ structure.circulatory @ root.T, 2))
+    centrifugal_norm = float(np.linalg.norm(root @ structure.centrifugal @ root.T, 2))
+    linear = coriolis_norm + circulatory_norm / frequency
+    return np.array([at_rest * omega, linear, centrifugal_norm / frequency])
 
 
 def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict[str, Any]:
-    """Return the constants of the rigid rotation; `rotations` are rows of body angles, (b, n)."""
+    """Return the constants of the rigid-body rotation: name in C -> value.
+
+    `rotations`, shape (b, n), holds the row vectors that map the coordinates to the angles of b
+    bodies in rad. The driver is the body whose torque holds a prescribed speed, -1 if there is
+    none; its torque is the sum of the other torques times their shares.
+    """
     names = train.names["body"]
     motion, speeds = acceleration.rigid_motion(train, names)
-    mass, has_driver = train.structure.mass, prescribed_speed and train.free_motions.size > 0
+    mass = train.structure.mass
     rates = rotations @ motion
     driver, shares = -1, np.zeros(len(names))
-    number = names.index(acceleration.default_driver(train, speeds))
-    if has_driver and abs(rates[number]) > _ROUNDING * np.abs(rates).max():
-        driver, shares = number, -rates / rates[number]
+    candidate = names.index(acceleration.default_driver(train, speeds))
+    has_driver = prescribed_speed and train.free_motions.size > 0
+    if has_driver and abs(rates[candidate]) > _ROUNDING * np.abs(rates).max():
+        driver, shares = candidate, -rates / rates[candidate]
     body_rates = rates if _rotates_freely(train) else np.array(speeds)
     return {
         "RIGID": motion,
@@ -155,7 +167,11 @@ def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict
 
 
 def _levels(train: Any) -> dict[str, np.ndarray]:
-    """Return the stiffness levels of coast and drive side: their number, phases and values."""
+    """Return the stiffness levels of (coast, drive) sides: name in C -> array.
+
+    For each side and mesh they are the number of levels, 1 or 2, the phases in mesh periods at
+    which the levels start, and their values in N/m.
+    """
     counts = np.ones((2, len(train.meshes)), dtype=int)
     phases, values = np.zeros((2, 2, len(train.meshes), 2))
     for j, mesh in enumerate(train.meshes):
@@ -168,54 +184,57 @@ def _levels(train: Any) -> dict[str, np.ndarray]:
             half_length = (mesh.contact_ratio - 1.0) / 2.0
             starts = np.mod([middle - half_length, middle + half_length], 1.0)
             order = np.argsort(starts)
-            counts[side, j], phases[side, j], values[side, j] = 2, starts[order], stiffness[order]
+            counts[side, j] = 2
+            phases[side, j] = starts[order]
+            values[side, j] = stiffness[order]
     return {"L": 2, "LEVELS": counts, "LEVEL_PHASE": phases, "LEVEL_VALUE": values}
 
 
 def bearings(train: Any) -> tuple[list[tuple[str, str]], np.ndarray]:
-    """Return names (body, axis) and rows of the forces of the bodies on their bearings.
+    """Return the forces of the bodies on their bearings as (names, rows).
 
-    Rows, shape (r, 3 n + m + 1), are factors of coordinates, rates, accelerations, m mesh forces
-    and the acceleration of the phase. The force in a rigid bearing balances the others.
+    A name is (name of the body, "x", "y", "radial" or "tangential"). Rows, shape (r, 3 n + m + 1),
+    hold factors of n coordinates, n rates, n accelerations, m mesh forces and the acceleration of
+    the phase; forces in N that are always 0 are left out. An elastic bearing carries its
+    deflection, and the force on a rigid bearing follows from the equilibrium of the body.
     """
-    structure, (m, n) = train.structure, train.structure.lines.shape
+    structure = train.structure
+    m, n = structure.lines.shape
     if train.matrices is not None:  # Their bearings are parts of the matrices.
         return [], np.zeros((0, 3 * n + m + 1))
     motions = dict(zip(train.names["body"], structure.motions, strict=True))
-    rigid = acceleration.rigid_motion(train, train.names["body"])[0]
+    rigid_motion = acceleration.rigid_motion(train, train.names["body"])[0]
     names, rows = [], []
     for body in train.bodies:
-        turn = np.eye(2)
+        axes, rotation = ("x", "y"), np.eye(2)
         deflections = motions[body.name][:2]
         if body.carrier:
             c, s = math.cos(body.angle), math.sin(body.angle)
-            turn = np.array([[c, s], [-s, c]])  # to the radial and tangential axis
+            axes, rotation = ("radial", "tangential"), np.array([[c, s], [-s, c]])
             pin = motions[body.carrier]
-            deflections = turn @ (deflections - pin[:2]) - [np.zeros(n), pin[2]]
-        others = np.zeros((2, 3 * n + m + 1))
+            deflections = rotation @ (deflections - pin[:2]) - [np.zeros(n), pin[2]]
+        # Sum of all other forces on the body along x and y, with its inertia forces.
+        forces = np.zeros((2, 3 * n + m + 1))
         inertia = (body.mass or 0.0) * motions[body.name][:2]
-        others[:, 2 * n : 3 * n], others[:, -1] = -inertia, -inertia @ rigid
+        forces[:, 2 * n : 3 * n], forces[:, -1] = -inertia, -inertia @ rigid_motion
         for j, mesh in enumerate(train.meshes):
             gears = (mesh.pinion, mesh.wheel)
             if body.name in gears:
-                index = gears.index(body.name)
-                others[:, 3 * n + j] = -structure.line_vectors[j, index]
+                forces[:, 3 * n + j] = -structure.line_vectors[j, gears.index(body.name)]
         for shaft in train.shafts:
             if body.name in shaft.bodies:
-                other = shaft.bodies[1 - shaft.bodies.index(body.name)]
-                bending = motions[body.name][:2] - motions[other][:2]
-                others[:, :n] -= shaft.bending_stiffness * bending
-                others[:, n : 2 * n] -= shaft.bending_damping * bending
-        others = turn @ others
-        supports = zip(body.support_stiffness, body.support_damping, strict=True)
-        for axis, (stiffness, damping) in enumerate(supports):
-            row = others[axis]
-            if math.isfinite(stiffness):
+                other_name = shaft.bodies[1 - shaft.bodies.index(body.name)]
+                bending = motions[body.name][:2] - motions[other_name][:2]
+                forces[:, :n] -= shaft.bending_stiffness * bending
+                forces[:, n : 2 * n] -= shaft.bending_damping * bending
+        forces = rotation @ forces
+        for i, axis in enumerate(axes):
+            row = forces[i]
+            if math.isfinite(body.support_stiffness[i]):
                 row = np.zeros(row.size)
-                row[:n], row[n : 2 * n] = stiffness * deflections[axis], damping * deflections[axis]
+                row[:n] = body.support_stiffness[i] * deflections[i]
+                row[n : 2 * n] = body.support_damping[i] * deflections[i]
             if row.any():
-                names.append(
-                    (body.name, ("radial", "tangential")[axis] if body.carrier else "xy"[axis])
-                )
+                names.append((body.name, axis))
                 rows.append(row)
     return names, np.array(rows).reshape(len(rows), 3 * n + m + 1)

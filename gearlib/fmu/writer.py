@@ -24,7 +24,7 @@ from gearlib.units import cf_units
 from gearlib.version import __version__
 
 _TEMPLATE = Path(__file__).with_name("template.c")
-#: Units of the variables: metre, kilogram, second, radian powers.
+#: Unit of a variable -> powers of metre, kilogram, second and radian.
 _UNITS = {
     "s": {"s": 1},
     "m": {"m": 1},
@@ -34,15 +34,15 @@ _UNITS = {
     "N": {"kg": 1, "m": 1, "s": -2},
     "N m": {"kg": 1, "m": 2, "s": -2},
 }
-#: System and ending of a shared library by the name of the operating system in Python.
+#: Name of the operating system in Python -> (name in FMI, suffix of a shared library).
 _SYSTEMS = {
     "Linux": ("linux", ".so"),
     "Darwin": ("darwin", ".dylib"),
     "Windows": ("windows", ".dll"),
 }
 _FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
-#: Entries of the archive get this time, so that bytes repeat.
-_NO_TIME = (1980, 1, 1, 0, 0, 0)
+#: Time of all entries of the archive, so that the same FMU has the same bytes.
+_ENTRY_TIME = (1980, 1, 1, 0, 0, 0)
 _StartSpeed = Annotated[float, Ge(0), Unit("rpm", "2000 rpm")]
 
 
@@ -53,20 +53,20 @@ def write_fmu(
     """Write a gear train as an FMU: FMI 3.0, Co-Simulation, no Python at run time.
 
     The FMU contains C99 sources with the matrices of the train and, if there is a C compiler, a
-    binary for this machine; without one a warning says so. Its motion is that of `simulate` and
-    `run_up`: in closed form from event to event, at any communication step. It returns early at
-    contact events where the importer uses Event Mode.
+    binary for this machine; without a compiler a warning is issued. The motion is the same as with
+    `simulate` and `run_up`: in closed form from event to event, at any communication step. A step
+    returns early at contact events if the importer uses Event Mode.
 
-    Inputs are the torques on the bodies in N m, positive counterclockwise. A torque that is not in
-    balance accelerates the rotation of the whole train, whose angle the phases of the meshes
-    follow; dampers act on the deviations from it. With `prescribed_speed` the speed of the
-    reference pinion is an input and held instead, and the body with the largest input power gets
-    the torque that holds it; a new speed acts at once, without the inertia forces of its change.
+    Inputs are the torques on the bodies in N m, positive counterclockwise. Unbalanced torques
+    accelerate the rigid-body rotation of the train, which determines the phases of the meshes;
+    dampers act on the deviations from it. With `prescribed_speed` the speed of the reference pinion
+    is an input instead, and the torque that holds it acts on the body with the largest input power.
+    A new speed acts at once, without the inertia forces of its change.
 
     Backlashes are tunable parameters. Outputs are angle and speed of every body, displacement,
     elastic force and contact (1 drive side, 0 none, -1 coast side) of every mesh, and the forces on
-    bearings; those of pins are along and across their radius. The coordinates and their rates are
-    local variables that can be set. At the start they are in static equilibrium with the mesh phase
+    bearings; forces on pins of a carrier are radial and tangential. The coordinates and their rates
+    are local variables that can be set. The initial state is the static equilibrium at mesh phase
     0.
 
     Parameters
@@ -74,17 +74,18 @@ def write_fmu(
     model : GearTrain or SixDegreePair
         The gears; friction is refused, and so are models without bodies such as a GearPair.
     path : str or path-like
-        The file, which ends with .fmu. An existing file is replaced.
+        File to write, which must end with .fmu. An existing file is replaced.
     prescribed_speed : bool, default False
-        Whether the speed is an input. Trains with forces of a turning frame (`gyroscopic`), and
-        those without a single free rotation, require it.
+        Whether the speed is an input. This is required for trains with forces of a rotating frame
+        (`gyroscopic`), and for trains that cannot rotate freely as a whole.
     speed : float, default 0
         Speed of the reference pinion at the start in rpm, finite, >= 0, in its sense of rotation.
 
     Raises
     ------
     ValueError
-        If the model has no such FMU, or the ending is wrong; the message names key and value.
+        If the model cannot be written as an FMU, or the file name does not end with .fmu; the
+        message names key and value.
     """
     path = Path(path)
     checks.require(path.suffix == ".fmu", "path", str(path), "a name that ends with .fmu")
@@ -109,20 +110,20 @@ def write_fmu(
     entries |= _binary(sources, identifier)
     with files.replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, content in entries.items():
-            info = zipfile.ZipInfo(name, _NO_TIME)
+            info = zipfile.ZipInfo(name, _ENTRY_TIME)
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             archive.writestr(info, content)
 
 
 def _literal(value: Any) -> str:
-    """Return a number or an array as text in C; floats are hexadecimal, so that no bit is lost."""
+    """Return a number or an array as C source; floats are hexadecimal, so that they are exact."""
     if isinstance(value, np.ndarray):
         return f"{{{', '.join(map(_literal, value))}}}"
     return float(value).hex() if isinstance(value, float) else str(int(value))
 
 
 def _header(data: dict[str, Any]) -> str:
-    """Return the header in C with the constants of a train."""
+    """Return the C header with the constants of a train, `data`: name in C -> value."""
     lines = ["/* Matrices of a gear train in SI units, written by gearlib. */\n"]
     for name, value in data.items():
         if isinstance(value, np.ndarray):
@@ -135,40 +136,54 @@ def _header(data: dict[str, Any]) -> str:
 
 
 def _binary(sources: dict[str, str], identifier: str) -> dict[str, bytes]:
-    """Return {name in the FMU: bytes} of the shared library; without a compiler warn, return {}."""
+    """Compile the sources and return the shared library: {name in the FMU: content}.
+
+    `sources` maps file names to texts, and `identifier` is the model identifier. If there is no
+    compiler, or it fails, a warning says so and the result is empty.
+    """
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
-    system, ending = _SYSTEMS.get(platform.system(), ("linux", ".so"))
-    names = [os.environ.get("CC", ""), "cc", "gcc", "clang"]
-    compiler = next(filter(None, map(shutil.which, filter(None, names))), None)
+    system, suffix = _SYSTEMS.get(platform.system(), ("linux", ".so"))
+    names = [name for name in (os.environ.get("CC"), "cc", "gcc", "clang") if name]
+    compilers = [path for path in map(shutil.which, names) if path]
     reason = "there is no C compiler (CC, cc, gcc or clang)"
     with tempfile.TemporaryDirectory() as folder:
         for name, text in sources.items():
             Path(folder, name).write_text(text, encoding="utf-8")
-        if compiler:
-            library = Path(folder, f"{identifier}{ending}")
-            command = [compiler, *_FLAGS, "-o", library.name, "gear_train.c", "-lm"]
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-            if done.returncode == 0:
+        if compilers:
+            library = Path(folder, f"{identifier}{suffix}")
+            command = [compilers[0], *_FLAGS, "-o", library.name, "gear_train.c", "-lm"]
+            result = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+            if result.returncode == 0:
                 return {f"binaries/{machine}-{system}/{library.name}": library.read_bytes()}
-            reason = f"{compiler} failed: {done.stderr.strip()[:500]}"
+            reason = f"{compilers[0]} failed: {result.stderr.strip()[:500]}"
     warnings.warn(f"the FMU has sources but no binary, because {reason}", stacklevel=4)
     return {}
 
 
 def _tag(tag: str, content: str = "", /, **attributes: Any) -> str:
-    """Return an element of XML; attributes that are None are left out."""
-    given = {key: value for key, value in attributes.items() if value is not None}
-    text = "".join(f" {key}={quoteattr(str(value))}" for key, value in given.items())
+    """Return an XML element with the given content; attributes that are None are left out."""
+    text = "".join(
+        f" {name}={quoteattr(str(value))}"
+        for name, value in attributes.items()
+        if value is not None
+    )
     return f"<{tag}{text}>{content}</{tag}>\n" if content else f"<{tag}{text}/>\n"
 
 
 def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tuple[dict, str]]:
-    """Return (attributes, type) of all variables in the order of the value references in C."""
-    q = [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
+    """Return (attributes, type) of all variables in the order of the value references in C.
+
+    `data` are the constants of the template, and `bearing_names` are pairs (body, axis).
+    """
+    coordinates = [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
     reference, local, output = 0, {"causality": "local"}, {"causality": "output"}
-    given: list[tuple[dict, str]] = []
+    variables: list[tuple[dict, str]] = []
 
     def add(name, unit, description, kind="Float64", shown=True, start=None, **attributes):
+        """Add a variable of the type `kind` with the next value reference.
+
+        `start` is its initial value. A variable that is not shown only uses up its reference.
+        """
         nonlocal reference
         if start is not None:
             attributes["start"] = repr(float(start))
@@ -176,9 +191,9 @@ def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tu
                 attributes["initial"] = "exact"
         if unit:
             attributes["unit"] = cf_units(unit)
-        values = {"name": name, "valueReference": reference, "description": description}
+        identity = {"name": name, "valueReference": reference, "description": description}
         if shown:
-            given.append((values | attributes, kind))
+            variables.append((identity | attributes, kind))
         reference += 1
 
     add("time", "s", "Time", causality="independent")
@@ -190,9 +205,9 @@ def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tu
     start = rate * data["PINION_RATE"]
     add("speed", "rad/s", text, shown=prescribed, start=start, causality="input")
     add("events", "", "Number of contact events", "Int32", variability="discrete", **local)
-    for name, start in zip(q, data["START_Q"], strict=True):
+    for name, start in zip(coordinates, data["START_Q"], strict=True):
         add(f"q.{name}", "m", "Coordinate relative to the rigid rotation", start=start, **local)
-    for name in q:
+    for name in coordinates:
         add(f"v.{name}", "m/s", "Rate of the coordinate", start=0.0, **local)
     for b, body in enumerate(train.bodies):
         name, shown = f"torque.{body.name}", bool(data["ROTATION"][b].any())
@@ -218,11 +233,15 @@ def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tu
     for body_name, axis in bearing_names:
         text = "Force of the body on its bearing"
         add(f"bearing_force.{body_name}.{axis}", "N", text, **output)
-    return given
+    return variables
 
 
 def _description(train, data, bearing_names, identifier: str, token: str) -> str:
-    """Return modelDescription.xml."""
+    """Return the text of modelDescription.xml.
+
+    `data` are the constants of the template, `bearing_names` pairs (body, axis), `identifier` the
+    model identifier, and `token` the instantiation token without braces.
+    """
     variables = _variables(train, data, bearing_names)
     units = "".join(
         _tag("Unit", _tag("BaseUnit", **powers), name=cf_units(unit))
@@ -234,14 +253,19 @@ def _description(train, data, bearing_names, identifier: str, token: str) -> str
         if attributes["causality"] == "output":
             outputs += _tag("Output", valueReference=reference)
             unknowns += _tag("InitialUnknown", valueReference=reference)
-    can = ("HandleVariableCommunicationStepSize", "GetAndSetFMUState", "SerializeFMUState")
-    abilities = {f"can{name}": "true" for name in can}
-    abilities |= {"hasEventMode": "true", "mightReturnEarlyFromDoStep": "true"}
+    capabilities = (
+        "canHandleVariableCommunicationStepSize",
+        "canGetAndSetFMUState",
+        "canSerializeFMUState",
+        "hasEventMode",
+        "mightReturnEarlyFromDoStep",
+    )
+    variable_tags = "".join(_tag(kind, **attributes) for attributes, kind in variables)
     content = (
-        _tag("CoSimulation", modelIdentifier=identifier, **abilities)
+        _tag("CoSimulation", modelIdentifier=identifier, **dict.fromkeys(capabilities, "true"))
         + _tag("UnitDefinitions", units)
         + _tag("LogCategories", _tag("Category", name="logStatus"))
-        + _tag("ModelVariables", "".join(_tag(kind, **x) for x, kind in variables))
+        + _tag("ModelVariables", variable_tags)
         + _tag("ModelStructure", outputs + unknowns)
     )
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + _tag(
@@ -257,7 +281,7 @@ def _description(train, data, bearing_names, identifier: str, token: str) -> str
 
 
 def _build_description(identifier: str) -> str:
-    """Return buildDescription.xml."""
+    """Return the text of buildDescription.xml for a model identifier."""
     source = _tag("SourceFileSet", _tag("SourceFile", name="gear_train.c"), language="C99")
     configuration = _tag("BuildConfiguration", source, modelIdentifier=identifier)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + _tag(
