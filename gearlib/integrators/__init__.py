@@ -1,8 +1,8 @@
-"""Methods of integration, chosen by the argument ``method=``.
+"""Methods of integration, which the argument ``method=`` chooses.
 
 A method is a `method.Integrator` in the table ``METHODS`` of its module. A method that needs
-another package names it as ``PACKAGE`` and imports it when it runs. Nothing here loads the engines
-before a method is chosen, because every start of the workflow reads the table of methods.
+another package declares it as ``PACKAGE`` and imports it when it runs. Engines are loaded only when
+a method is chosen, because each start of the workflow reads the table of methods.
 """
 
 from collections import UserDict
@@ -14,9 +14,10 @@ from gearlib.parameters import METHOD_MODULES
 
 
 class _IntegratorTable(UserDict):
-    """Mapping from names of methods to their `Integrator`s, whose modules load on first use."""
+    """Mapping from names of methods to `Integrator`s; a module is loaded on first use."""
 
     def __getitem__(self, name: str):
+        """Return the `Integrator` of the method that is called `name`."""
         return import_module(f"{__name__}.{self.data[name]}").METHODS[name]
 
 
@@ -31,9 +32,9 @@ class Method(NamedTuple):
 
     name: str
     order: int | None  #: order of its steps; None: closed forms, or several solvers
-    events: str  #: how it treats switches of stiffness and changes of contact
-    models: str  #: which models it can run
-    options: dict  #: name -> (default, meaning)
+    events: str  #: treatment of switches of stiffness and of changes of contact
+    models: str  #: models that it can run
+    options: dict  #: option name -> (default, meaning)
     available: bool = True  #: whether its package is installed
     note: str = ""  #: command that installs its package, empty for methods of the library
 
@@ -69,9 +70,9 @@ def reason_unsupported(model, name: str) -> str:
 def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dict]:
     """Return (name, `Integrator`, all options) of the method that runs a model.
 
-    `name` is that of a method; if it is None, "exact" is chosen if it can run the model, else
-    "taylor". Missing options take their defaults. Raises ValueError if the method is unknown or
-    cannot run the model or if an option is invalid, `MissingPackage` if its package is missing.
+    `name` is the name of the method, or None for "exact" if it can run the model, else "taylor".
+    Options that `options` lacks have their defaults. Raises ValueError if the method is unknown or
+    cannot run the model or if an option is invalid, and `MissingPackage` if its package is missing.
     """
     from gearlib.integrators.method import MissingPackage
     from gearlib.models.model import is_model
@@ -81,7 +82,7 @@ def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dic
     if name is None:
         name = next((name for name in AUTOMATIC if METHODS[name].supports(model)), None)
     checks.one_of("method", name, tuple(METHODS))
-    # The other methods are checked only now, because their modules take time to load.
+    # Other methods are looked up only for an error message, because their modules load slowly.
     reason = reason_unsupported(model, name)
     if reason:
         names = ", ".join(map(repr, _methods_for(model)))
@@ -97,14 +98,18 @@ def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dic
 
 
 def _checked_options(method_name: str, options: dict | None) -> dict:
-    """Return all options of a method with defaults for missing ones, or raise ValueError."""
+    """Return all options of a method, with defaults for missing options.
+
+    Raises ValueError if the method lacks an option in `options` or if its value is not allowed.
+    """
     known_options = METHODS[method_name].OPTIONS
     values = {option_name: option.default for option_name, option in known_options.items()}
     for option_name, value in checks.options(options).items():
         if option_name not in known_options:
+            known_names = ", ".join(map(repr, known_options)) or "no options"
             raise ValueError(
                 f"options[{option_name!r}] = {value!r} is not allowed: method {method_name!r} "
-                f"knows {', '.join(map(repr, known_options)) or 'no options'}"
+                f"knows {known_names}"
             )
         values[option_name] = known_options[option_name].check(f"options[{option_name!r}]", value)
     return values

@@ -11,7 +11,7 @@ from gearlib.parameters import Positive
 
 #: Number of steps that are taken before they are recorded together.
 _STEPS_PER_RECORD = 1_024
-#: Fractions of a step at which ode45 returns the solution by default, besides its ends ("Refine").
+#: Fractions of a step at which ode45 returns the solution by default ("Refine"), besides its ends.
 _REFINEMENT = np.array([0.25, 0.5, 0.75])
 
 
@@ -40,10 +40,11 @@ class EmbeddedPair(Integrator):
 class Smoothed(Integrator):
     """Contact smoothed by tanh, at a tight tolerance.
 
-    The smoothed contact force differs from the exact one. Near contact it is too small by up to
-    0.14 / sharpness of the mean mesh force, and just outside contact it is as much below zero. At a
-    contact event both errors add up to an impulse of the order of 1 / sharpness^2. Samples hold the
-    smoothed force; their contact code is that of the displacement.
+    The smoothed contact force differs from the exact force. Near the flank line it is too small by
+    up to 0.14 / sharpness times the mean mesh force in contact, and it is negative by as much just
+    out of contact. At a contact event both errors add up to an impulse of the order of
+    1 / sharpness^2. Samples hold the smoothed force, and their contact codes follow from the
+    displacement.
     """
 
     ORDER = 5
@@ -52,7 +53,7 @@ class Smoothed(Integrator):
         "sharpness": option(
             100.0,
             Positive,
-            "per static deflection, of H1 = (1 + tanh(sharpness x)) / 2; H2 and damping likewise",
+            "per static deflection, in H1 = (1 + tanh(sharpness x)) / 2, in H2 and in the damping",
         ),
         "rtol": option(1e-9, Positive, "tolerance of a step, relative and in static deflections"),
     }
@@ -67,7 +68,7 @@ class Smoothed(Integrator):
 
 
 class _Run(Run):
-    """A run with adaptive step lengths."""
+    """Run of a model of one degree of freedom with adaptive step lengths."""
 
     problem: OneDegree
 
@@ -79,13 +80,13 @@ class _Run(Run):
         problem, end = self.problem, MESH_PERIOD * self.periods
         rtol, atol, max_step = (self.settings[name] for name in ("rtol", "atol", "max_step"))
         step_control = StepControl(rtol, atol, max_step or 0.1 * MESH_PERIOD * self.periods)
-        # Next step length, present mesh period, and steps attempted in it.
+        # Length of the next step, number of the present mesh period, steps attempted in it.
         progress = np.zeros(3)
         equation = problem.mesh, problem.contact_law, step_control
         t, states = np.zeros(_STEPS_PER_RECORD + 1), np.empty((_STEPS_PER_RECORD + 1, 2))
         stages = np.empty((_STEPS_PER_RECORD, len(DENSE_WEIGHTS), 2))
         states[0] = state
-        # Strobes, states at the starts of the last mesh periods, show whether the motion repeats.
+        # Strobes, the states at the starts of the last mesh periods, are recorded as well.
         record_start = MESH_PERIOD * min(self.first_recorded, self.first_strobe)
         while t[0] < end:
             count, status, evaluations = take_embedded_steps(
@@ -99,7 +100,7 @@ class _Run(Run):
         return states[0].copy(), OK
 
     def _record_steps(self, t: np.ndarray, states: np.ndarray, stages: np.ndarray) -> None:
-        """Record k steps, and the points inside them that ode45 returns by default.
+        """Record k steps, with extrema also at the points inside them that ode45 returns.
 
         `t` has the phases of the step ends, shape (k + 1,), `states` the states there, (k + 1, 2),
         and `stages` the derivatives (x', x'') at the Runge-Kutta stages, (k, 7, 2).

@@ -23,7 +23,7 @@ _STEPS_PER_RECORD = 8_192
 
 
 class FixedSteps(Integrator):
-    """A method with fixed steps; a subclass defines its `Scheme`."""
+    """Base class of methods with fixed steps; a subclass defines its `Scheme`."""
 
     EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
     OPTIONS = {"steps_per_period": option(200, Count, "equal steps of one mesh period")}
@@ -63,7 +63,7 @@ class Newmark(FixedSteps):
         "contact": option(
             "iterated",
             Annotated[Literal["frozen", "iterated"], CHOICE],
-            "contact and damping of the step start, or iterated until the residual is rounding",
+            "contact and damping from the start of the step, or iterated to a residual of rounding",
         ),
     }
 
@@ -85,16 +85,16 @@ class GeneralisedAlpha(FixedSteps):
         "spectral_radius": option(
             0.8,
             Fraction,
-            "rho_inf: factor per step on the fastest oscillations; 1: no numerical damping",
+            "rho_inf, spectral radius at infinite frequency; 1: no numerical damping",
         ),
     }
 
     def scheme(self, contact: str, spectral_radius: float) -> Scheme:
         """Return the `Scheme` with Chung and Hulbert's optimal parameters.
 
-        Contact and damping are those at the start of the step if `contact` is "frozen"; they are
-        iterated until the equation of motion holds if it is "iterated". `spectral_radius` is the
-        factor on the amplitude of infinitely fast oscillations in each step, from 0 to 1.
+        If `contact` is "frozen", a step uses contact and damping at its start; if it is "iterated",
+        they are iterated until the equation of motion holds. `spectral_radius`, from 0 to 1, is the
+        spectral radius at infinite frequency.
         """
         alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
         alpha_f = spectral_radius / (spectral_radius + 1.0)
@@ -105,16 +105,19 @@ class GeneralisedAlpha(FixedSteps):
 
 
 class _Run(Run):
-    """A run in equal steps of a mesh period."""
+    """Run of a model in equal steps."""
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, steps_per_period: int, scheme: Scheme):
-        """Store the right-hand side and the scheme, and tabulate the excitation at the steps."""
+        """Store the right-hand side and the scheme, and tabulate the excitation of all steps.
+
+        `problem` is the right-hand side of a model; a mesh period has `steps_per_period` steps.
+        """
         super().__init__(problem)
         self.steps_per_period, self.scheme = steps_per_period, scheme
         if isinstance(problem, OneDegree):
             middle_fraction = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
             self.excitation = tabulate_excitation(problem.mesh, steps_per_period, middle_fraction)
-            # NaN: the first step takes the acceleration from the equation of motion.
+            # NaN means that the first step takes the acceleration from the equation of motion.
             self.acceleration = math.nan
 
     def _take_steps(self, period: int, states: np.ndarray) -> int:
@@ -136,7 +139,11 @@ class _Run(Run):
         return status
 
     def _interpolate(self, t: np.ndarray, states: np.ndarray, phases: np.ndarray) -> np.ndarray:
-        """Return the states at `phases` by cubic Hermite interpolation between the step ends t."""
+        """Return the states at `phases` by cubic Hermite interpolation.
+
+        The steps end at the phases t, shape (k + 1,), with `states`, shape (k + 1, size). `phases`
+        has the shape (n,), and the result the shape (n, size).
+        """
         i = np.clip(np.searchsorted(t, phases, side="right") - 1, 0, len(t) - 2)
         step_lengths = (t[i + 1] - t[i])[:, None]
         fraction, change = (phases - t[i])[:, None] / step_lengths, states[i + 1] - states[i]
@@ -155,7 +162,7 @@ class _Run(Run):
         batch_phases = (period_starts + MESH_PERIOD / steps * np.arange(steps)).ravel()
         record_start = min(self.first_recorded, self.first_strobe)
         while period < self.periods:
-            # A batch of mesh periods is recorded as a whole or not at all.
+            # A batch of mesh periods is recorded completely or not at all.
             next_stop = record_start if period < record_start else self.periods
             period_count = min(periods_per_batch, next_stop - period)
             states = batch_states[: period_count * steps + 1]

@@ -1,7 +1,7 @@
-"""heyoka: Taylor steps of order 20 with terminal events at contact changes.
+"""Runs by heyoka: Taylor steps of order 20, with terminal events at changes of contact.
 
-All numbers of an expression are runtime parameters, so that an expression is compiled once per
-thread and serves all models and tunings of the same structure.
+All constants of an expression are runtime parameters. So each thread compiles an expression once,
+for all models and tunings with the same structure.
 """
 
 import threading
@@ -29,12 +29,14 @@ class Heyoka(Integrator):
     """The Taylor integrator of the package heyoka."""
 
     PACKAGE = Package("heyoka", "heyoka")
-    #: The order at the default tolerance, from which it follows.
+    #: The order follows from the tolerance; this is the order at the default tolerance.
     ORDER = 20
-    EVENTS = "switches end a run, contact is a terminal event of the Taylor polynomial"
+    EVENTS = "switches end an arc, contact is a terminal event of the Taylor polynomial"
     MODELS = "one or six degrees of freedom, gear trains; no pairs of teeth"
     OPTIONS = {
-        "tol": option(2.2e-16, Positive, "error of a step, relative; by default that of rounding")
+        "tol": option(
+            2.2e-16, Positive, "relative error of a step; by default as small as rounding"
+        )
     }
 
     def supports(self, model) -> bool:
@@ -52,7 +54,7 @@ class Heyoka(Integrator):
 
 
 class _Compiled(NamedTuple):
-    """A compiled integrator, and views of its state and of its parameters."""
+    """Compiled integrator of heyoka, with views of its state and its parameters."""
 
     integrator: Any
     state: np.ndarray
@@ -60,26 +62,31 @@ class _Compiled(NamedTuple):
 
 
 class _Equations(NamedTuple):
-    """A compiled integrator with the parameter values of a branch of a model."""
+    """Compiled integrator with the parameter values of a branch."""
 
     compiled: _Compiled
     parameter_values: np.ndarray
-    flanks: list[tuple]  #: (mesh, flank) that each event stands for
+    flanks: list[tuple]  #: (mesh, flank) of each flank event
 
 
 @lru_cache(maxsize=64)
 def _compile_for_thread(thread, equations: tuple, events: tuple, tolerance: float) -> _Compiled:
     """Return a compiled integrator that only the thread with the identifier `thread` may use.
 
-    Equations are (variable, derivative); events are (expression, sign of its derivative at a zero:
-    1, -1, or 0 for both).
+    Each of the `equations` is (variable, expression of its derivative). Each of the `events` is
+    (expression, direction): the sign of its derivative at a zero, 1 or -1, or 0 for both. The
+    `tolerance` is the relative error of a step.
     """
     import heyoka as hy
 
-    directions = hy.event_direction.any, hy.event_direction.positive, hy.event_direction.negative
+    event_directions = (
+        hy.event_direction.any,
+        hy.event_direction.positive,
+        hy.event_direction.negative,
+    )
     # The automatic cooldown would be infinite for a start at rest with the flanks just touching.
     terminal_events = [
-        hy.t_event(expression, direction=directions[direction], cooldown=0.0)
+        hy.t_event(expression, direction=event_directions[direction], cooldown=0.0)
         for expression, direction in events
     ]
     state = [0.0] * len(equations)
@@ -88,10 +95,10 @@ def _compile_for_thread(thread, equations: tuple, events: tuple, tolerance: floa
 
 
 class _Run(Split):
-    """A run by compiled integrators, restarted for each arc."""
+    """Run by compiled integrators, which are restarted for each arc."""
 
     def equations(self, branch: Branch, state: np.ndarray) -> _Equations:
-        """Return the compiled equations of a branch for an arc from a state."""
+        """Return the compiled equations of a branch for an arc that starts from a state."""
         raise NotImplementedError
 
     def compile(self, equations: list[tuple], events: list[tuple]) -> _Compiled:
@@ -113,19 +120,21 @@ class _Run(Split):
         self.evaluations += steps * integrator.order
         t, end_state, crossing = branch.end, state_view.copy(), None
         if outcome != taylor_outcome.time_limit:
-            # A run that is stopped by the event with the index i has the outcome -1 - i. Other
-            # outcomes are failures: the flanks are followed by at most one event.
+            # If the event with the index i stops the run, the outcome is -1 - i. After the flank
+            # events there is at most one other event, so that all other outcomes are failures.
             t, event = integrator.time, -1 - int(outcome)
             if not 0 <= event <= len(flanks):
                 raise Stall
             if event < len(flanks):
                 crossing = self._crossing_index(branch, t, end_state, *flanks[event])
             else:
-                # This event is a change of the sign of the velocity.
+                # This event is a sign change of the velocity.
                 end_state[1] = 0.0
         if not self.is_recording or interpolate is None:
-            # An arc without steps has one state only.
-            constant_state = lambda phases: np.repeat([end_state], len(phases), 0)  # noqa: E731
+            # An arc without steps has a single state.
+            def constant_state(phases):
+                return np.repeat([end_state], len(phases), axis=0)
+
             times, states = np.array([branch.start, t]), np.array([state, end_state])
             return Arc(times, states, crossing, constant_state)
         times = np.array(interpolate.times)
@@ -134,10 +143,11 @@ class _Run(Split):
         return Arc(times, states, crossing, interpolate)
 
     def _crossing_index(self, branch: Branch, t: float, state, mesh: int, flank: int) -> int | None:
-        """Return the index in `branch.crossings` of the crossing that a state makes at the phase t.
+        """Return the index of the crossing in `branch.crossings` at which an arc has stopped.
 
-        The flank distance of the mesh is zero in this state. If the state only grazes the flank, it
-        is moved away from the flank and None is returned. t counts from the start of the period.
+        In the `state` at the phase t the flank distance of the mesh is zero. If the motion only
+        grazes the flank, the state is moved away from it and None is returned. The phase counts
+        from the start of the mesh period.
         """
         phase = branch.period_start + t
         rate = self.problem.flank_distance_rates(phase, state)[flank][mesh]
@@ -145,7 +155,7 @@ class _Run(Split):
             if (crossing.mesh, crossing.flank) == (mesh, flank):
                 if crossing.direction * rate > 0.0:
                     return i
-                # The state only grazes the flank, so it restarts on the side from which it came.
+                # The motion only grazes the flank, so it restarts on the side from which it came.
                 rate = -crossing.direction
         distance = self.restart_distance(state) * (1.0 if rate > 0.0 else -1.0)
         self.problem.set_distance(phase, state, mesh, flank, distance)
@@ -153,10 +163,10 @@ class _Run(Split):
 
 
 class _OneDegreeRun(_Run):
-    """One degree of freedom: an integrator for each contact code and sign of x'."""
+    """Run of one degree of freedom: an integrator for each contact code and sign of x'."""
 
     problem: OneDegree
-    #: Just above the rounding error of a displacement at which the coast side touches.
+    #: This distance is just above the rounding error of a displacement near the coast-side flank.
     RESTART_DISTANCE = 1e-15
 
     def __init__(self, problem: OneDegree, tol: float):
@@ -183,23 +193,23 @@ class _OneDegreeRun(_Run):
     def _build_equations(self, segment: int, contact_code, velocity_sign, crossings) -> _Equations:
         """Return compiled equations for a stiffness segment, a contact code and a sign of x'.
 
-        Events are the flank `crossings`. The sign is 0 without quadratic damping. With it x' = 0 is
-        an event too, because |x'| is not smooth there.
+        Each `FlankCrossing` in `crossings` is an event. The sign is 0 without quadratic damping.
+        With quadratic damping x' = 0 is an event as well, because |x'| is not smooth there.
         """
         import heyoka as hy
 
-        mesh, values = self.problem.mesh, []
+        mesh, parameter_values = self.problem.mesh, []
         # Displacements at which the drive flank and the coast flank begin to touch.
         contact_displacements = mesh.drive_line, mesh.coast_line
         x, v = hy.make_vars("x", "v")
 
         def parameter(value):
-            """Return a new runtime parameter of the integrator with this value."""
-            values.append(value)
-            return hy.par[len(values) - 1]
+            """Add a runtime parameter with this value to the integrator and return it."""
+            parameter_values.append(value)
+            return hy.par[len(parameter_values) - 1]
 
         def harmonic_sum(harmonics):
-            """Return a Fourier sum; `harmonics` has rows (order, cosine, sine coefficient)."""
+            """Return a Fourier series; `harmonics` has rows (order, cosine, sine coefficient)."""
             terms = []
             for order, cosine, sine in harmonics.tolist():
                 terms.append(parameter(cosine) * hy.cos(order * hy.time))
@@ -222,7 +232,7 @@ class _OneDegreeRun(_Run):
             stiffness = parameter(start_value) + parameter(slope) * phase + harmonic_sum(harmonics)
             deflection = x - parameter(contact_displacements[flank])
             p2, p3 = mesh.stiffness_powers
-            # The contact code is the sign of the deflection, so this is p2 |deflection|.
+            # The contact code is the sign of the deflection, so the first term is p2 |deflection|.
             nonlinearity = parameter(contact_code * p2) + parameter(p3) * deflection
             force -= stiffness * (deflection + nonlinearity * deflection * deflection)
         events = [
@@ -232,27 +242,29 @@ class _OneDegreeRun(_Run):
         if velocity_sign:
             events.append((v, -velocity_sign))
         flanks = [(crossing.mesh, crossing.flank) for crossing in crossings]
-        return _Equations(self.compile([(x, v), (v, force)], events), np.array(values), flanks)
+        return _Equations(
+            self.compile([(x, v), (v, force)], events), np.array(parameter_values), flanks
+        )
 
 
 class _TrainRun(_Run):
-    """Any number of meshes: one integrator, with the matrix of a branch as its parameters."""
+    """Run of any number of meshes: one integrator, whose parameters are the matrix of a branch."""
 
     problem: PiecewiseLinear
 
     def __init__(self, problem: PiecewiseLinear, tol: float):
-        """Compile the equations of a right-hand side, with a relative tolerance of each step."""
+        """Compile the equations of a right-hand side; `tol` is the relative tolerance of a step."""
         import heyoka as hy
 
         super().__init__(problem, tol=tol)
         # A mesh with infinite backlash has no coast flank.
         flank_counts = 1 + np.isfinite(problem.backlashes)
         self._flanks = [(j, flank) for j in self.meshes for flank in range(flank_counts[j])]
-        # Products of these rows and the full state are the distances from the flanks.
+        # The products of these rows with the full state are the distances from the flanks.
         distance_rows = np.array([problem.distances[flank, j] for j, flank in self._flanks])
         self._nonzero_entries, distance_is_nonzero = problem.nonzero_entries(), distance_rows != 0.0
-        # Parameters: start phase of the mesh period, which `equations` sets, then the nonzero
-        # entries of the distance rows, then those of the rows of the branch matrix.
+        # The parameters are the start phase of the mesh period, which `equations` sets, the nonzero
+        # entries of the distance rows, and the nonzero entries of the branch matrix.
         self._values = np.concatenate([[0.0], distance_rows[distance_is_nonzero]])
         variables = hy.make_vars(*(f"z{i}" for i in range(problem.size)))
         phases = [order * (hy.par[0] + hy.time) for order in problem.system.harmonics.tolist()]
@@ -272,7 +284,7 @@ class _TrainRun(_Run):
         self._compiled = self.compile(equations, events)
 
     def equations(self, branch: Branch, state: np.ndarray) -> _Equations:
-        """Return the compiled integrator with the parameters of a branch, for any state."""
+        """Return the compiled integrator with the parameters of a branch, whatever the state."""
         self._values[0] = branch.period_start
         matrix = self.problem.branch_matrix(branch.segment, branch.contact_codes)
         values = np.concatenate([self._values, matrix[self._nonzero_entries]])

@@ -32,21 +32,25 @@ class Package(NamedTuple):
         return f"pip install {self.distribution}"
 
 
-#: Options that several methods share.
+#: Options that several methods have.
 RELATIVE_TOLERANCE = option(1e-3, Positive, "relative tolerance of a step")
 ABSOLUTE_TOLERANCE = option(1e-6, Positive, "absolute tolerance, static deflections and dx/dtau")
 
 
 class Integrator:
-    """A method of integration; subclasses define `create_run` and, for other models, `supports`."""
+    """Base class of methods of integration for models of one degree of freedom.
 
-    #: Order of its steps; None: closed forms, or solvers of several orders.
+    Subclasses define `create_run` and, if they can run other models, `supports`.
+    """
+
+    #: Order of the steps; None for closed forms and for solvers of several orders.
     ORDER: ClassVar[int | None] = None
-    #: Descriptions of its treatment of events, and of the models that it can run.
+    #: Descriptions of the treatment of events and of the models that the method can run.
     EVENTS: ClassVar[str] = ""
     MODELS: ClassVar[str] = "one degree of freedom, any damping, stiffness and excitation"
-    #: Name -> `Parameter`; the package that it needs besides those of the library, or None.
+    #: Option name -> `Parameter`.
     OPTIONS: ClassVar[dict] = {}
+    #: Package that the method needs in addition to the requirements of the library, or None.
     PACKAGE: ClassVar[Package | None] = None
 
     #: ``create_run(model, tuning, **options)`` returns a `gearlib.integrators.run.Run`.
@@ -57,26 +61,27 @@ class Integrator:
     ) -> Record:
         """Run a model at one tuning (mesh frequency / natural frequency); return its `Record`.
 
-        The run starts from the initial `state` of the model and goes over a span of mesh periods.
-        The record has `samples` samples per recorded period, and events only if `keep_events`.
+        The run starts from the initial `state` of the model and lasts a `Span` of mesh periods. The
+        record has `samples` samples per recorded period, and events only if `keep_events`.
         """
-        # An event table with a row only signals that events are kept; the run replaces the table.
+        # One row in the event table only means that events are kept; the run replaces the table.
         tables = model.empty_record(span.recorded * samples, int(keep_events))
         return self.create_run(model, tuning, **options).run(state, span, *tables)
 
     def supports(self, model) -> bool:
-        """Return whether the method can run a model: by default only one degree of freedom."""
+        """Return whether the method can run a model, by default one with one degree of freedom."""
         return model.has_pair_equation
 
     def sweep(self, model, tunings, order, state, warm_start, span, rows: Rows, **options) -> None:
         """Run a model at many tunings, shape (n,), over a span of mesh periods; fill `rows`.
 
-        A tuning is mesh frequency / natural frequency. `rows` has tables of results with a row for
+        A tuning is mesh frequency / natural frequency. `rows` holds result tables with a row for
         each tuning. `order` holds the indices of the tunings in the order of the runs. With
-        `warm_start` each run starts from the final state of the previous one, else from `state`.
+        `warm_start` each run starts from the final state of the previous run, else from `state`.
         """
 
         def run(tuning, previous_record):
+            """Run at a tuning, from the end of the previous run if it is given, else `state`."""
             initial_state = tuple(previous_record.final) if previous_record else state
             return self.run(model, tuning, initial_state, span, keep_events=False, **options)
 
@@ -87,7 +92,7 @@ class Exact(Integrator):
     """Closed forms between events: linear damping and rectangular stiffness."""
 
     NAME = "exact"
-    EVENTS = "phases end at switches and crossings, which are isolated by proof"
+    EVENTS = "arcs end at switches and crossings, which are isolated by proof"
     MODELS = "linear damping with rectangular stiffness, one or six degrees of freedom"
 
     def supports(self, model) -> bool:
@@ -97,8 +102,8 @@ class Exact(Integrator):
     def run(self, model, tuning, state, span, samples=0, keep_events=True, **options) -> Record:
         """Run a model at one tuning (mesh frequency / natural frequency); return its `Record`.
 
-        The run starts from the initial `state` of the model and goes over a span of mesh periods.
-        The record has `samples` samples per recorded period, and events only if `keep_events`.
+        The run starts from the initial `state` of the model and lasts a `Span` of mesh periods. The
+        record has `samples` samples per recorded period, and events only if `keep_events`.
         """
         propagator = model.propagator(tuning, self.NAME, **options)
         converted_state = propagator.initial_state(state)
@@ -107,9 +112,9 @@ class Exact(Integrator):
     def sweep(self, model, tunings, order, state, warm_start, span, rows, **options) -> None:
         """Run a model at many tunings, shape (n,), over a span of mesh periods; fill `rows`.
 
-        A tuning is mesh frequency / natural frequency. `rows` has tables of results with a row for
+        A tuning is mesh frequency / natural frequency. `rows` holds result tables with a row for
         each tuning. `order` holds the indices of the tunings in the order of the runs. With
-        `warm_start` each run starts from the final state of the previous one, else from `state`.
+        `warm_start` each run starts from the final state of the previous run, else from `state`.
         """
         # Any propagator of the model can sweep; it creates a propagator for each tuning.
         propagator = model.propagator(tunings[0], self.NAME, **options)
@@ -128,7 +133,7 @@ class Taylor(Exact):
         "tolerance": option(
             1e-16,
             Positive,
-            "truncation error of a step, static deflections; by default that of rounding",
+            "truncation error of a step, static deflections; by default as small as rounding",
         )
     }
 

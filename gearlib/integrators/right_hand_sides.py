@@ -1,7 +1,7 @@
-"""Right-hand sides of models for methods with steps: dimensionless, as functions of phase.
+"""Dimensionless right-hand sides of models as functions of phase, for methods with steps.
 
-A branch of a model is one segment of the stiffness with one contact code for each of its m meshes.
-If the phase t is an array, shape (k,), states have shape (k, size), and results a row for each
+A branch of a model is one stiffness segment with one contact code for each of its m meshes. If the
+phase t is an array, shape (k,), states have the shape (k, size), and results have a row for each
 phase. Both classes have the attributes
 
 ``segment_bounds, first_segment``
@@ -11,7 +11,7 @@ phase. Both classes have the attributes
 ``excitation_period``
     number of mesh periods after which the excitation repeats;
 ``backlashes, may_jam``
-    backlash of each mesh in static deflections, and whether both flanks might touch at once.
+    backlash of each mesh in static deflections, and whether both flanks may touch at once.
 """
 
 from typing import Any
@@ -39,14 +39,18 @@ def right_hand_side(model, tuning: float) -> "OneDegree | PiecewiseLinear":
 
 
 def contact_codes_at(flank_distances: np.ndarray) -> np.ndarray:
-    """Return contact codes, shape (..., m), for distances from both flanks, shape (..., 2, m)."""
+    """Return the contact codes of m meshes, shape (..., m), for their flank distances.
+
+    `flank_distances`, shape (..., 2, m), are signed distances from the drive and the coast flank; a
+    drive flank touches at a distance >= 0, a coast flank at a distance <= 0.
+    """
     drive_distances = flank_distances[..., DRIVE_FLANK, :]
     coast_codes = np.where(flank_distances[..., COAST_FLANK, :] <= 0.0, COAST, NO_CONTACT)
     return np.where(drive_distances >= 0.0, DRIVE, coast_codes)
 
 
 class _RightHandSide:
-    """Stiffness segments and contact codes of a right-hand side."""
+    """Base class of right-hand sides: stiffness segments and contact codes."""
 
     segment_bounds: Any
     flank_distances: Any
@@ -69,8 +73,9 @@ class _RightHandSide:
     def reached_crossing(self, t: float, state, crossings: list, tolerance: float) -> int | None:
         """Return the index of the first flank crossing that a state has reached, or None.
 
-        A state has reached a `FlankCrossing` if it moves in the direction of the crossing, and its
-        flank distance has changed sign or is below the tolerance.
+        A state at the phase t has reached a `FlankCrossing` in `crossings` if it moves in the
+        direction of the crossing, and if the flank distance has changed its sign or is smaller than
+        `tolerance`.
         """
         distances, rates = self.flank_distances(t, state).tolist(), None
         for i, crossing in enumerate(crossings):
@@ -91,16 +96,16 @@ class OneDegree(_RightHandSide):
     def __init__(self, model, tuning: float, sharpness: float = 0.0):
         """Store the equation of motion of a model at a tuning (mesh / natural frequency).
 
-        `sharpness`, per static deflection, smooths the contact law if it is positive.
+        If `sharpness`, per static deflection, is positive, the contact law is smoothed.
         """
         self.mesh = mesh = model.nonlinear_mesh(tuning)
         self.contact_law = equation_of_motion.create_contact_law(mesh, sharpness)
         self.segment_bounds = mesh.segment_bounds
-        # The excitation repeats after one mesh period, which holds the segments from 0 to n - 1.
+        # The excitation repeats after one mesh period, which has the segments 0 to n - 1.
         self.excitation_period, self.first_segment = 1, np.array([0, len(mesh.below_mean)])
         # Equal for the contact codes -1, 0 and 1; shape (3, segments, 1 mesh).
         self.below_mean = np.repeat(mesh.below_mean[None, :, None], 3, axis=0)
-        # The backlash is constant, so both flanks never touch at once.
+        # The backlash is constant, so that both flanks never touch at once.
         self.backlashes, self.may_jam = np.array([mesh.backlash_ratio]), np.array([False])
         #: Displacements at which drive and coast flank begin to touch, static deflections.
         self._contact_displacements = np.array([mesh.drive_line, mesh.coast_line])
@@ -128,7 +133,7 @@ class OneDegree(_RightHandSide):
         return state[..., :1], state[..., 1:]
 
     def set_distance(self, t: float, state, mesh: int, flank: int, distance: float) -> None:
-        """Move a state, in place, to a distance from a flank; there is only one mesh."""
+        """Move a state, in place, to a distance from a flank of the only mesh."""
         state[0] += distance - (state[0] - self._contact_displacements[flank])
 
     def is_jammed(self, t: float, state: np.ndarray) -> bool:
@@ -142,7 +147,7 @@ class OneDegree(_RightHandSide):
         return np.array([state[1], accelerations[0]])
 
     def derivative(self, t: float, state: np.ndarray) -> np.ndarray:
-        """Return the derivative of a state by phase, with the contact that the state has."""
+        """Return the derivative of a state by phase; the state determines the contact."""
         x, v = state
         acceleration = equation_of_motion.mesh_acceleration(self.contact_law, self.mesh, t, x, v)
         return np.array([v, acceleration])
@@ -150,9 +155,9 @@ class OneDegree(_RightHandSide):
     def _stiffness_and_acceleration(self, t, states, segments, contact_codes) -> np.ndarray:
         """Return mesh stiffness, mesh force over stiffness, and acceleration of k states, (3, k).
 
-        Contact codes have shape (k, 1), states (k, 2).
+        Phases t and `segments` have shape (k,), `states` (k, 2), and `contact_codes` (k, 1).
         """
-        # numba compiles a kernel for each memory layout, so all arrays get the same one.
+        # numba compiles a kernel for each memory layout, so all arrays get the same layout.
         arguments = [
             np.ascontiguousarray(array) for array in (t, segments, contact_codes[:, 0], states)
         ]
@@ -160,26 +165,28 @@ class OneDegree(_RightHandSide):
         return evaluate(self.contact_law, self.mesh, *arguments).T
 
     def rates_at_step_ends(self, start, states, end, new_states) -> np.ndarray:
-        """Return derivatives of the states at the starts and ends of k steps, shape (2, k, 2).
+        """Return the derivatives of the states at the starts and ends of k steps, shape (2, k, 2).
 
-        The steps lead from states at the phases `start` to new states at the phases `end`. Both
-        derivatives use the stiffness inside the step.
+        The steps lead from `states` at the phases `start`, (k,), to `new_states` at the phases
+        `end`, (k,). Both derivatives use the stiffness inside the step.
         """
-        accelerations = [
-            self._stiffness_and_acceleration(t, z, segments, self.contact_codes(t, z))[2]
-            for t, z, segments in (
-                (start, states, self.segment_after(start)),
-                (end, new_states, self.segment_before(end)),
-            )
-        ]
-        return np.stack([[states[:, 1], new_states[:, 1]], accelerations], axis=-1)
+        start_codes = self.contact_codes(start, states)
+        _, _, start_acceleration = self._stiffness_and_acceleration(
+            start, states, self.segment_after(start), start_codes
+        )
+        end_codes = self.contact_codes(end, new_states)
+        _, _, end_acceleration = self._stiffness_and_acceleration(
+            end, new_states, self.segment_before(end), end_codes
+        )
+        velocities = [states[:, 1], new_states[:, 1]]
+        return np.stack([velocities, [start_acceleration, end_acceleration]], axis=-1)
 
     def mesh_forces(self, t, states, segments, contact_codes) -> tuple[np.ndarray, np.ndarray]:
-        """Return (dimensionless elastic mesh forces, zeros) of k states, shape (k, 1).
+        """Return (dimensionless elastic mesh forces, zeros) of k states, both of shape (k, 1).
 
-        The zeros stand for derivatives of the forces, which only the mean force of trains needs.
-        In the equation in mesh phase the stiffness is divided by (mesh frequency)^2; times tuning^2
-        it is the stiffness over its mean.
+        The zeros stand for the derivatives of the forces, which only the mean force of trains
+        needs. In the equation in mesh phase the stiffness is divided by (mesh frequency)^2; times
+        tuning^2 it is the stiffness over its mean.
         """
         stiffness, force_over_stiffness, _ = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
@@ -188,11 +195,15 @@ class OneDegree(_RightHandSide):
         return forces, np.zeros_like(forces)
 
     def fill_samples(self, samples, t, states, segments, contact_codes) -> None:
-        """Fill the sample table, (k, 6), from k states, their segments and contact codes."""
+        """Fill the sample table, (k, 6), from k states at the phases t.
+
+        Segments have shape (k,), states (k, 2), and contact codes (k, 1).
+        """
         stiffness, force_over_stiffness, acceleration = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
         )
-        # The stiffness of the equation in mesh phase, times tuning^2, is that over its mean.
+        # Times tuning^2, the stiffness of the equation in mesh phase is the stiffness over its
+        # mean.
         stiffness = self.tuning**2 * stiffness
         (x, v), code, force = states.T, contact_codes[:, 0], stiffness * force_over_stiffness
         # Columns: displacement, velocity, acceleration, contact code, stiffness, elastic force.
@@ -202,15 +213,12 @@ class OneDegree(_RightHandSide):
 class PiecewiseLinear(_RightHandSide):
     """A piecewise-linear system that is excited by a constant and by harmonics of the phase.
 
-    A full state is a state followed by the constant 1 and the harmonics. Derivatives are by phase;
-    those of a train system are by theta, reference frequency times time.
+    A full state is a state followed by the constant 1 and the harmonics. Derivatives are by phase,
+    but in a `TrainSystem` they are by theta, reference frequency times time.
     """
 
     def __init__(self, model, tuning: float):
-        """Store the linear system of a model at a tuning, and the rows of its flank distances.
-
-        The tuning is mesh frequency / natural frequency.
-        """
+        """Store the linear system of a model at a tuning (mesh / natural frequency)."""
         self.propagator = model.propagator(tuning)
         self.system, self._constants = self.propagator.complete_system()
         system, size = self.system, model.size
@@ -220,21 +228,21 @@ class PiecewiseLinear(_RightHandSide):
         contact_displacements = np.reshape(model.flank_lines, (2, -1))
         self.backlashes = contact_displacements[0] - contact_displacements[1]
         self.may_jam, self.excitation_period = self._constants.may_jam, system.repeats
-        # `repeats` counts the mesh periods of the excitation. Only gear trains name their meshes.
+        # Only gear trains have names of meshes.
         self.tuning, self.size, self._is_train = tuning, size, bool(model.mesh_names)
-        #: Factors from full states to those of the system.
+        #: Factors from full states to states of the `TrainSystem`.
         self.scale = np.ones(len(system.base_matrix))
         if not self._is_train:
             self.scale[:size] = self.propagator.scale
-        #: Rows whose products with the full state are the flank distances, (2, m, full size).
+        #: Row vectors whose products with the full state are the flank distances, shape (2, m, n).
         self.distances = self.scale * np.stack([system.drive_lines, system.coast_lines])
         self._distance_columns = np.moveaxis(self.distances, 2, 1).copy()
         rates = np.stack([self._constants.drive_rates, self._constants.coast_rates])
         self._distance_rates = self.scale * rates / tuning
         self._matrices: dict = {}
         self._meshes = np.arange(len(system.drive_lines))
-        # Columns of the pseudo-inverse move the coordinates so that the distance of only one mesh
-        # changes, by 1; there is a matrix, (size / 2, m), for each flank.
+        # Each column of a pseudo-inverse moves the coordinates such that the distance of one mesh
+        # changes by 1 and no other distance changes. Each flank has a matrix, (size / 2, m).
         self._separate_moves = [
             np.linalg.pinv(distance_rows[:, : size // 2]) for distance_rows in self.distances
         ]
@@ -251,8 +259,8 @@ class PiecewiseLinear(_RightHandSide):
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
         """Return (state, contact codes) at phase 0 for an initial state of the model."""
-        # The state of the system is that of the propagator times `propagator.scale`, and z times
-        # `state_scale`.
+        # The state of the system is the state of the propagator times `propagator.scale`. It is
+        # also z times `state_scale`.
         state_scale = self.scale[: self.size]
         z = self.propagator.initial_state(state) * (self.propagator.scale / state_scale)
         full_size, mesh_count = self.scale.size, self._meshes.size
@@ -298,10 +306,10 @@ class PiecewiseLinear(_RightHandSide):
         return equation_of_motion.is_jammed(self.system, self.may_jam, t, system_state)
 
     def nonzero_entries(self) -> np.ndarray:
-        """Return a mask of the entries of `branch_matrix` that are nonzero on any branch."""
+        """Return a mask of the entries of `branch_matrix` that are nonzero on some branch."""
         system = self.system
-        # Every force adds the outer product of its input and output vectors. Their arrays are over
-        # (mesh, force case, elastic force with damping or friction, component of the full state).
+        # Each force adds the outer product of its input and output vectors. The indices of their
+        # arrays are mesh, force case, kind of force (elastic with damping, or friction), component.
         force_input = system.force_input[..., : self.size, None]
         force_output = system.force_output[..., None, :]
         has_force = (force_input * force_output != 0.0).any(axis=(0, 1, 2))
@@ -315,7 +323,7 @@ class PiecewiseLinear(_RightHandSide):
         branch = segment, contact_codes.tobytes()
         if branch not in self._matrices:
             matrix = np.empty_like(self.system.base_matrix)
-            # The entry `effect` is the force case of a mesh: no contact, or contact at a stiffness.
+            # `effect` holds the force case of a mesh: no contact, or contact at some stiffness.
             force_cases = self.system.effect[contact_codes + 1, segment, self._meshes]
             fill_system_matrix(self.system, force_cases, matrix)
             scaled_matrix = matrix[: self.size] / self.scale[: self.size, None]
@@ -327,37 +335,38 @@ class PiecewiseLinear(_RightHandSide):
         return self.branch_matrix(segment, contact_codes) @ self.full_state(t, state)
 
     def derivative(self, t: float, state: np.ndarray) -> np.ndarray:
-        """Return the derivative of a state by phase, with the contact that the state has."""
+        """Return the derivative of a state by phase; the state determines the contacts."""
         scale = self.scale[: self.size]
         return equation_of_motion.train_derivative(self.system, t, state * scale) / scale
 
     def rates_at_step_ends(self, start, states, end, new_states) -> np.ndarray:
-        """Return the mean rates of change over k steps, for starts and ends, shape (2, k, size).
+        """Return the mean rates of change over k steps, twice, shape (2, k, size).
 
-        The steps lead from states at the phases `start` to new states at the phases `end`. Mean
-        rates make the Hermite interpolation linear.
+        The steps lead from `states` at the phases `start`, (k,), to `new_states` at the phases
+        `end`, (k,). With the mean rates at both ends, Hermite interpolation is linear.
         """
         return np.stack(2 * [(new_states - states) / (end - start)[:, None]])
 
     def mesh_forces(self, t, states, segments, contact_codes) -> np.ndarray:
-        """Return (elastic forces of the meshes, their derivatives by phase), shape (2, k, m).
+        """Return (elastic forces of m meshes, their derivatives by phase), shape (2, k, m).
 
-        States have shape (k, size), contact codes (k, m).
+        Phases t and `segments` have shape (k,), `states` (k, size), and `contact_codes` (k, m).
         """
         full = self.full_state(t, states)
         stiffness = self.system.stiffness[contact_codes + 1, segments[:, None], self._meshes]
         stiffness = stiffness * (contact_codes != NO_CONTACT)
-        drive, coast = (
-            np.stack(
-                [full @ vectors[flank].T for vectors in (self.distances, self._distance_rates)]
-            )
-            for flank in (DRIVE_FLANK, COAST_FLANK)
-        )
+        # Distances from both flanks and their derivatives by phase, each of shape (2, k, m).
+        distances, rates = self.distances, self._distance_rates
+        drive = np.stack([full @ distances[DRIVE_FLANK].T, full @ rates[DRIVE_FLANK].T])
+        coast = np.stack([full @ distances[COAST_FLANK].T, full @ rates[COAST_FLANK].T])
         # A missing coast flank has infinite distances, which `where` never selects.
         return stiffness * np.where(contact_codes == DRIVE, drive, coast)
 
     def fill_samples(self, samples, t, states, segments, contact_codes) -> None:
-        """Fill the sample table of the model from k states, their segments and contact codes."""
+        """Fill the sample table of the model, with k rows, from k states at the phases t.
+
+        Segments have shape (k,), states (k, size), and contact codes (k, m).
+        """
         system_states = self.scale * self.full_state(t, states)
         table = np.concatenate([system_states, contact_codes, segments[:, None]], axis=1)
         self.propagator.fill_samples(table, samples, self.system)

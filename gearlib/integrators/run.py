@@ -1,4 +1,4 @@
-"""A run of a method with steps, and its record: samples, extrema, contact times and events."""
+"""Run of a method with steps, and its record: samples, extrema, contact times and events."""
 
 import math
 from typing import Any
@@ -20,14 +20,14 @@ from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE
 
 #: Mesh phase of one mesh period, rad.
 MESH_PERIOD = 2.0 * math.pi
-#: Largest component of a state; the squares of larger ones would soon overflow.
+#: Largest component of a state; the squares of larger components would soon overflow.
 MAX_STATE = 1e150
-#: From this component on, a failure of a solver is an overflow of its intermediate numbers.
+#: If a state has a larger component, a failure of the solver counts as an overflow.
 _HUGE_STATE = 1e-20 * MAX_STATE
-#: A mesh period that starts at most this far before a step counts as starting with the step. The
-#: tolerance, rad, covers the rounding of the phase of a long run.
+#: If a mesh period starts less than this phase, rad, before a step, it counts as starting with the
+#: step. The tolerance covers the rounding of phases in a long run.
 _PERIOD_START_TOLERANCE = 1e-9
-#: Column of a summary that holds the time at each contact code.
+#: Contact code -> column of a summary with the time at this code.
 _TIME_COLUMNS = {
     DRIVE: orbit.TIME_DRIVE,
     NO_CONTACT: orbit.TIME_NO_CONTACT,
@@ -41,14 +41,18 @@ def within_range(state: np.ndarray) -> bool:
 
 
 def code_of_stall(state: np.ndarray) -> int:
-    """Return the status of a run whose solver fails at a state: STALLED, OVERFLOW if it is huge."""
+    """Return the status of a run whose solver fails at a state.
+
+    It is OVERFLOW if the state is huge, so that intermediate numbers overflow, else STALLED.
+    """
     return status.STALLED if np.abs(state).max() < _HUGE_STATE else status.OVERFLOW
 
 
 def next_contact_code(code: int, final_code: int, backlash_ratio: float) -> int:
-    """Return the contact code that follows `code` when a mesh changes from it to `final_code`.
+    """Return the next contact code of a mesh on its way from `code` to `final_code`.
 
-    Without backlash the contact changes directly from one flank to the other.
+    With backlash there is no contact between contact on one flank and contact on the other flank.
+    Without backlash, a loss of contact on one flank is contact on the other flank.
     """
     if code == NO_CONTACT:
         return int(final_code)
@@ -56,13 +60,16 @@ def next_contact_code(code: int, final_code: int, backlash_ratio: float) -> int:
 
 
 class Run:
-    """A run of a right-hand side; a subclass defines how `integrate` goes through the span.
+    """Run of a right-hand side with its record; subclasses define `integrate`.
 
     Phases are counted from the start of a mesh period, so that rounding does not grow with time.
     """
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
-        """Store the right-hand side and the solver's settings; tabulate times of low stiffness."""
+        """Store a right-hand side and the settings of the solver.
+
+        The time for which the stiffness is below its mean is tabulated for the summary.
+        """
         self.problem, self.settings, self.evaluations = problem, settings, 0
         self.meshes = range(len(problem.backlashes))
         # Time below the mean stiffness since phase 0, by contact code + 1, segment bound and mesh.
@@ -74,12 +81,12 @@ class Run:
         raise NotImplementedError
 
     def run(self, state, span: Span, samples, events, summary) -> Record:
-        """Run from a state over a span of mesh periods and fill the tables; return the `Record`.
+        """Run from a state over a `Span` of mesh periods, fill the tables and return the `Record`.
 
         `samples`, shape (n, columns), has equally many rows for each recorded period. Events are
-        kept if `events` has rows; their columns are mesh period, phase in it, contact codes before
+        kept if `events` has rows; the columns are mesh period, phase in it, contact codes before
         and after, velocity and, for a train, mesh. `summary` has the columns of
-        `gearlib.engines.orbit`, for a train a row for each mesh.
+        `gearlib.engines.orbit`, and for a train a row for each mesh.
         """
         problem, periods = self.problem, span.periods
         self.periods, self.max_events = periods, span.max_events
@@ -90,7 +97,7 @@ class Run:
         self.summary = summary.reshape(len(self.meshes), -1)
         for mesh_summary in self.summary:
             orbit.clear_summary(mesh_summary)
-        # Strobes are states at the starts of the last mesh periods, which show the period.
+        # Strobes are states at the starts of the last mesh periods; they show the orbit's period.
         strobe_periods = min(periods, orbit.strobe_periods(problem.excitation_period))
         self.first_strobe = periods - strobe_periods
         self.strobes = np.empty((len(self.meshes), strobe_periods + 1, 2))
@@ -104,7 +111,7 @@ class Run:
             self.add_strobes(np.array([periods]), state[None])
             period = self._orbit_period()
         if self.events:
-            # Events within a step are added mesh by mesh: sort them by period, phase and mesh.
+            # Within a step, events are added mesh by mesh: sort them by period, phase and mesh.
             sorted_events = sorted(self.events, key=lambda event: (*event[:2], event[-1]))
             # The tables of models with one mesh lack the last column, the mesh.
             events = np.array(sorted_events)[:, : events.shape[1]]
@@ -113,7 +120,7 @@ class Run:
         return Record(state, final, period, samples, events, summary, run_status, self.evaluations)
 
     def _orbit_period(self) -> int:
-        """Return the number of mesh periods after which all meshes repeat, 0 if they do not."""
+        """Return the number of mesh periods after which all meshes repeat their motion, or 0."""
         displacement_ranges = self.summary[:, orbit.X_MAX] - self.summary[:, orbit.X_MIN]
         # The tuning times dx/dtau is the velocity divided by the natural frequency.
         tuning, excitation_period = self.problem.tuning, self.problem.excitation_period
@@ -124,7 +131,10 @@ class Run:
         return 0 if 0 in periods else math.lcm(*periods)
 
     def _excitation_phase(self, period: Any) -> Any:
-        """Return the excitation phase at the start of a mesh period, a number or an array."""
+        """Return the phase of the excitation at the start of a mesh period.
+
+        `period`, the number of the mesh period, may be an array.
+        """
         return MESH_PERIOD * (period % self.problem.excitation_period)
 
     def add_strobes(self, periods: np.ndarray, states: np.ndarray) -> None:
@@ -136,9 +146,9 @@ class Run:
         """Record k steps, within which stiffness and contact may change.
 
         The phases t of the step ends, shape (k + 1,), are counted from the start of mesh period
-        `period`; states have shape (k + 1, size). `interpolate(phases)` returns states between step
-        ends. Extrema are also evaluated at `refined_phases` within the steps. Contact events are
-        found by linear interpolation.
+        `period`; `states` has the shape (k + 1, size). ``interpolate(phases)`` returns states
+        between step ends. Extrema are also evaluated at `refined_phases` within the steps. Contact
+        events are located by linear interpolation.
         """
         problem, start_phase = self.problem, self._excitation_phase(period)
         strobe_periods = np.arange(max(self.first_strobe, period), self.periods)
@@ -158,7 +168,8 @@ class Run:
             recorded_t[0] = record_start
             recorded_states[0] = interpolate(np.array([record_start]))[0]
         self._add_samples(period, t[-1], interpolate)
-        # A step ends with the segment before its end and starts with the segment after its start.
+        # Segments just before the step ends and just after the step starts. No step follows the
+        # last step end.
         before = problem.segment_before(start_phase + t[1:])
         after = np.append(problem.segment_after(start_phase + recorded_t[:-1]), before[-1])
         contact_codes = problem.contact_codes(start_phase + recorded_t, recorded_states)
@@ -176,13 +187,15 @@ class Run:
         """Record k steps within one stiffness segment, without a change of contact.
 
         The phases t of the step ends, shape (k + 1,), are counted from the start of mesh period
-        `period`; states have shape (k + 1, size). `interpolate(phases)` returns states between.
+        `period`; `states` has the shape (k + 1, size). ``interpolate(phases)`` returns states
+        between step ends. `segment` is the index of the segment, and `contact_codes` has the shape
+        (m,).
         """
         phases = self._excitation_phase(period) + t
         segments = np.full(len(t), segment)
 
         def interpolate_inside(sample_phases: np.ndarray) -> np.ndarray:
-            """Return states at phases, which rounding may put just before the first step."""
+            """Return states at phases, which rounding may put just outside the steps."""
             return interpolate(np.clip(sample_phases, t[0], t[-1]))
 
         self._add_samples(period, t[-1], interpolate_inside, segment, contact_codes)
@@ -194,13 +207,14 @@ class Run:
     def _add_samples(self, period: int, end, interpolate, segment=None, contact_codes=None):
         """Fill the samples before the phase `end`, counted from the start of mesh period `period`.
 
-        `interpolate(phases)` returns states at phases. `segment` and `contact_codes`, (m,), hold
-        for all samples; by default they are determined from phases and states.
+        ``interpolate(phases)`` returns states. All samples have the `segment` and the
+        `contact_codes`, (m,); if these are None, they follow from phases and states.
         """
         problem = self.problem
-        # Index from the start of the mesh period; it is negative if the record began before.
+        # Index of the first sample, counted from the start of the mesh period; it is negative if
+        # the record began before.
         first_sample = (self.first_recorded - period) * self.samples_per_period
-        # This may be too high by rounding and by one; phases beyond the end are left out below.
+        # This bound may be too high by rounding or by one; phases beyond the end are removed below.
         stop = int(end / MESH_PERIOD * self.samples_per_period) - first_sample + 2
         indices = np.arange(self.sample_count, min(len(self.samples), stop))
         phases = MESH_PERIOD * (indices + first_sample) / max(self.samples_per_period, 1)
@@ -220,9 +234,10 @@ class Run:
         self.sample_count += count
 
     def _add_states(self, t, states, segments, contact_codes) -> tuple[np.ndarray, np.ndarray]:
-        """Update the extrema by k states; return (mesh forces, their derivatives by phase), (k, m).
+        """Update the extrema by k states; return (mesh forces, their derivatives by phase).
 
-        Segments of the stiffness have shape (k,), contact codes (k, m).
+        The phases t and the `segments` of the stiffness have shape (k,), `states` (k, size),
+        `contact_codes` and both results (k, m).
         """
         forces, force_rates = self.problem.mesh_forces(t, states, segments, contact_codes)
         displacements = self.problem.mesh_motion(t, states)[0]
@@ -240,9 +255,9 @@ class Run:
     def _add_steps(self, t, states, segments_before, segments_after, contact_codes) -> None:
         """Add k steps to the extrema and, by Hermite quadrature, to the mean mesh force.
 
-        The step ends t have shape (k + 1,), their states (k + 1, size), contact codes (k + 1, m).
-        `segments_before` (k,), just before the ends of the steps, and `segments_after` (k + 1,),
-        just after all step ends, differ where the stiffness jumps.
+        The step ends t have shape (k + 1,), `states` (k + 1, size), and `contact_codes` (k + 1, m).
+        `segments_before`, (k,), are the stiffness segments just before the ends of the steps, and
+        `segments_after`, (k + 1,), just after all step ends; they differ where the stiffness jumps.
         """
         h = np.diff(t)[:, None]
         forces, rates = self._add_states(t, states, segments_after, contact_codes)
@@ -258,9 +273,10 @@ class Run:
     def _add_contact_times(self, period: int, mesh: int, recorded_starts, t, states, distances):
         """Add the times at each contact code and the changes of contact of one mesh in k steps.
 
-        `t`, (k + 1,), are the step ends; each step is recorded from its phase in `recorded_starts`,
-        (k,). Phases count from the start of a mesh period. `distances`, (k + 1, 2, m), are those of
-        all m meshes from both flanks.
+        The steps end at the phases t, (k + 1,), and each is recorded from its phase in
+        `recorded_starts`, (k,), on. Phases count from the start of mesh period `period`. `states`
+        has the shape (k + 1, size), and `distances`, (k + 1, 2, m), are the flank distances of all
+        m meshes.
         """
         start_phase = self._excitation_phase(period)
         codes = contact_codes_at(distances[:, :, mesh : mesh + 1])[:, 0]
@@ -278,7 +294,10 @@ class Run:
         self._add_times(mesh, start_phase + starts, start_phase + ends, interval_codes)
 
     def _add_times(self, mesh: int, starts, ends, contact_codes) -> None:
-        """Add the lengths of intervals of phase to the times of a mesh at each contact code."""
+        """Add intervals of phase to the times of a mesh at each contact code.
+
+        `starts`, `ends` and `contact_codes` have one entry for each interval.
+        """
         for code, column in _TIME_COLUMNS.items():
             start, end = starts[contact_codes == code], ends[contact_codes == code]
             self.summary[mesh, column] += (end - start).sum()
@@ -288,9 +307,9 @@ class Run:
                 self.summary[mesh, orbit.TIME_LOW] += low_time.sum()
 
     def _time_below_mean_until(self, mesh: int, contact_code: int, t: np.ndarray) -> np.ndarray:
-        """Return the time from phase 0 to t in which the mesh stiffness is below its mean.
+        """Return the time between phases 0 and t for which the mesh stiffness is below its mean.
 
-        The stiffness is that of one mesh at a contact code.
+        The stiffness of a mesh depends on its contact code. The phases t are an array.
         """
         bounds = self.problem.segment_bounds
         time_until_bounds = self._time_below_mean[contact_code + 1, :, mesh]
@@ -300,9 +319,9 @@ class Run:
     def _add_changes(self, period: int, mesh: int, recorded_start, t, states, distances) -> list:
         """Add the changes of contact of a mesh in one step; return the intervals between them.
 
-        Phases `t`, (2,), `states`, (2, size), and `distances` from both flanks, (2, 2), are those
-        at both ends of the step, which is recorded from the phase `recorded_start` on. Intervals
-        are (start, end, contact code).
+        The phases t, (2,), `states`, (2, size), and flank `distances`, (2, 2), are values at the
+        start and the end of the step, which is recorded from the phase `recorded_start` on. Each
+        interval is (start, end, contact code).
         """
         code, final_code = contact_codes_at(distances[:, :, None])[:, 0].tolist()
         start, end = t.tolist()
@@ -324,7 +343,11 @@ class Run:
         return [*intervals, (recorded_start, end, code)]
 
     def add_event(self, period: int, t: float, state, mesh: int, code_before: int, code_after: int):
-        """Add a change of contact of a mesh at the phase t, counted from the start of a period."""
+        """Add a change of contact of a mesh to its summary and to the events.
+
+        The contact code changes from `code_before` to `code_after` at the phase t, counted from the
+        start of mesh period `period`, and at a state of the model.
+        """
         _, velocities = self.problem.mesh_motion(self._excitation_phase(period) + t, state)
         velocity = float(velocities[mesh])
         orbit.count_event(code_before, code_after, velocity, self.summary[mesh])

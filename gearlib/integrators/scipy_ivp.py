@@ -1,8 +1,8 @@
-"""scipy's solvers of initial-value problems, without events or split at switches and contact.
+"""Runs by scipy's solvers of initial-value problems, with or without event location.
 
-``events=False``: one run over the whole span, in the steps of `scipy.integrate.solve_ivp`; dense
-output is kept only where it is recorded. ``events=True``: `solve_ivp` is restarted at every switch
-of stiffness and, by terminal events, at every change of contact.
+With ``events=False`` one run covers the whole span, in the steps of `scipy.integrate.solve_ivp`;
+dense output is kept only where it is recorded. With ``events=True`` `solve_ivp` is restarted at
+each switch of stiffness and, by terminal events, at each change of contact.
 """
 
 from functools import partial
@@ -25,7 +25,7 @@ _STEPS_PER_RECORD = 1_000
 class Scipy(Integrator):
     """The solvers of scipy."""
 
-    EVENTS = "as option events says: none, or switches end a run and contact is a terminal event"
+    EVENTS = "none; with events = True switches end an arc and contact is a terminal event"
     MODELS = "one or six degrees of freedom, gear trains; no pairs of teeth"
     OPTIONS = {
         "solver": option("RK45", Solver, requirement(Solver)),
@@ -34,7 +34,7 @@ class Scipy(Integrator):
         "events": option(
             False,
             Boolean,
-            "whether runs are split at switches of stiffness and at contact",
+            "whether runs are split at switches of stiffness and at changes of contact",
         ),
     }
 
@@ -53,7 +53,7 @@ class Scipy(Integrator):
 
 
 class _UnsplitRun(Run):
-    """A single integration over the whole span, without event location."""
+    """Run in a single integration over the whole span, without event location."""
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole span from a state at phase 0; return (final state, status).
@@ -81,7 +81,7 @@ class _UnsplitRun(Run):
                 return solver.y, status.JAMMED
             if solver.status == "failed":
                 return start_state, status.STALLED
-            # A strobe is the start of a mesh period; the last ones show whether the motion repeats.
+            # The starts of the last mesh periods, the strobes, show whether the motion repeats.
             is_recorded = solver.t > MESH_PERIOD * self.first_recorded
             passes_strobe = solver.t // MESH_PERIOD > max(t // MESH_PERIOD, self.first_strobe - 1)
             if is_recorded or passes_strobe:
@@ -98,6 +98,7 @@ class _UnsplitRun(Run):
         from scipy import integrate
 
         def derivative(t, z):
+            """Count an evaluation and return the derivative of the state z at the phase t."""
             self.evaluations += 1
             return self.problem.derivative(t, z)
 
@@ -106,7 +107,10 @@ class _UnsplitRun(Run):
         return solver_class(derivative, 0.0, state, MESH_PERIOD * self.periods, **tolerances)
 
     def _record_solver_steps(self, steps: list[tuple], solver) -> None:
-        """Record steps, (start phase, start state, dense output), up to the solver's state."""
+        """Record successive steps of a solver, of which the last one ends at its present state.
+
+        Each of the `steps` is (start phase, start state, dense output).
+        """
         from scipy.integrate import OdeSolution
 
         phases = np.array([step[0] for step in steps] + [solver.t])
@@ -118,10 +122,10 @@ class _UnsplitRun(Run):
 
 
 class _SplitRun(Split):
-    """A run by `solve_ivp` with terminal events."""
+    """Run by `solve_ivp` with terminal events, split at switches and changes of contact."""
 
     def _flank_distance(self, period_start, crossing: FlankCrossing, t: float, state) -> float:
-        """Return the distance of a state from the flank of a crossing.
+        """Return the flank distance of a state, whose zero is the `FlankCrossing` `crossing`.
 
         The phase t is counted from `period_start`, the phase at the start of the mesh period.
         """
@@ -135,15 +139,17 @@ class _SplitRun(Split):
         period_start, start, end, segment, contact_codes, crossings = branch
 
         def derivative(t, z):
+            """Count an evaluation and return the derivative of the state z on the branch."""
             self.evaluations += 1
             return self.problem.branch_derivative(period_start + t, z, segment, contact_codes)
 
         events = []
         for crossing in crossings:
             event = partial(self._flank_distance, period_start, crossing)
+            # `solve_ivp` reads these attributes of an event function.
             vars(event).update(terminal=True, direction=crossing.direction)
             events.append(event)
-        # Only samples need states between the step ends.
+        # Only samples need states between step ends.
         dense_output = self.is_recording and self.sample_count < len(self.samples)
         options = {"dense_output": dense_output, "events": events} | self.settings
         try:
@@ -152,11 +158,15 @@ class _SplitRun(Split):
             raise Stall from None
         if solution.status < 0:
             raise Stall
-        reached = [i for i, times in enumerate(solution.t_events) if times.size]
+        crossing_index = None
+        for i, event_times in enumerate(solution.t_events):
+            if event_times.size:
+                crossing_index = i
+                break
         interpolate = None
         if solution.sol is not None:
             interpolate = lambda phases: solution.sol(phases).T  # noqa: E731
-        return Arc(solution.t, solution.y.T, reached[0] if reached else None, interpolate)
+        return Arc(solution.t, solution.y.T, crossing_index, interpolate)
 
 
 METHODS = {"scipy": Scipy()}

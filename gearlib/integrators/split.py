@@ -1,6 +1,6 @@
 """Runs that are split at switches of stiffness and at changes of contact of any mesh.
 
-A subclass of `Split` defines how its solver integrates one arc without switches.
+A subclass of `Split` defines how its solver integrates one arc, which contains no switch.
 """
 
 import itertools
@@ -24,30 +24,30 @@ from gearlib.integrators.run import MESH_PERIOD, Run, code_of_stall, next_contac
 class FlankCrossing(NamedTuple):
     """A zero of a flank distance at which the contact code of a mesh changes."""
 
-    mesh: int
+    mesh: int  #: index of the mesh
     flank: int  #: DRIVE_FLANK or COAST_FLANK
     direction: int  #: sign of the rate of the flank distance at the crossing
     code_after: int  #: contact code of the mesh after the crossing
 
 
 class Branch(NamedTuple):
-    """An arc with constant contact on one segment, before it is integrated."""
+    """Range of phase on one stiffness segment with constant contact, for the next arc."""
 
     period_start: float  #: phase of the excitation at the start of the mesh period
     start: float  #: phase of the start, counted from `period_start`
-    end: float  #: phase of the end of the segment, counted from `period_start`
+    end: float  #: phase at the end of the segment, counted from `period_start`
     segment: int  #: index of the segment of constant stiffness
-    contact_codes: np.ndarray  #: of the meshes, shape (m,)
+    contact_codes: np.ndarray  #: contact codes of the meshes, shape (m,)
     crossings: list[FlankCrossing]  #: crossings that end the arc early
 
 
 class Arc(NamedTuple):
-    """The solution on an arc."""
+    """Solution on an arc, from its start to a flank crossing or to the end of its branch."""
 
-    t: np.ndarray  #: mesh phases of the step ends, counted from the start of the mesh period
-    states: np.ndarray  #: states at the step ends
-    crossing: int | None = None  #: index of the crossing that ended the arc, None at its end
-    interpolate: Callable | None = None  #: returns states at phases; None if it is not recorded
+    t: np.ndarray  #: phases of the k step ends, counted from the start of the mesh period, (k,)
+    states: np.ndarray  #: states at the step ends, shape (k, size)
+    crossing: int | None = None  #: index of the crossing that ended the arc, None if none did
+    interpolate: Callable | None = None  #: returns states at phases; None if not recorded
 
 
 class Stall(Exception):
@@ -55,9 +55,9 @@ class Stall(Exception):
 
 
 class Split(Run):
-    """A run that is restarted at each switch of stiffness and at each change of contact.
+    """Run that is restarted at each switch of stiffness and at each change of contact.
 
-    Simultaneous events of several meshes are treated one after the other.
+    Simultaneous events of several meshes are processed one after the other.
     """
 
     #: Distance from the flank after a crossing, relative to the norm of the state. It is needed
@@ -65,9 +65,9 @@ class Split(Run):
     RESTART_DISTANCE = 1e-14
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
-        """Store the right-hand side and the settings of the solver, and list the segments."""
+        """Store a right-hand side and the settings of the solver, and list the segments."""
         super().__init__(problem, **settings)
-        #: For each mesh period: (segment, start, end) of its segments.
+        #: List of (segment, start, end) for each mesh period of the excitation.
         self._segments = []
         for first, next_first in itertools.pairwise(problem.first_segment.tolist()):
             phases = problem.segment_bounds[first : next_first + 1]
@@ -77,7 +77,7 @@ class Split(Run):
             self._segments.append(list(segments))
 
     def restart_distance(self, state: np.ndarray) -> float:
-        """Return the distance from the flank at which a state restarts after a crossing."""
+        """Return the flank distance at which a state restarts after a crossing."""
         return self.RESTART_DISTANCE * max(1.0, math.sqrt(state @ state))
 
     def solve(self, branch: Branch, state: np.ndarray) -> Arc:
@@ -88,7 +88,10 @@ class Split(Run):
         raise NotImplementedError
 
     def possible_crossings(self, contact_codes: np.ndarray) -> list[FlankCrossing]:
-        """Return the flank crossings that would change the contact codes, shape (m,)."""
+        """Return the flank crossings that would change the contact of a mesh.
+
+        `contact_codes`, shape (m,), are the present contact codes.
+        """
         crossings = []
         for mesh, code in enumerate(contact_codes.tolist()):
             backlash_ratio = self.problem.backlashes[mesh]
@@ -104,7 +107,7 @@ class Split(Run):
                     flank, other_flank = other_flank, flank
                 # The contact code, 1 or -1, is the sign of the distance from the touching flank.
                 crossings.append(FlankCrossing(mesh, flank, -code, code_after))
-                # In some meshes the other flank may touch, too, which jams the mesh.
+                # In some meshes the other flank may touch as well, which jams the mesh.
                 if self.problem.may_jam[mesh]:
                     crossings.append(FlankCrossing(mesh, other_flank, -code, code_after=BOTH))
         return crossings
@@ -136,9 +139,9 @@ class Split(Run):
     def _integrate_segment(self, period, segment, start, end, state, contact_codes) -> tuple:
         """Integrate over one stiffness segment; return (state, contact codes, status).
 
-        `segment` is its index; its phases `start` and `end` count from the start of mesh period
-        `period`. The contact codes have shape (m,). More than `max_events` arcs between crossings
-        in one mesh period end the run with EVENT_LIMIT.
+        `segment` is the index of the segment, and its phases `start` and `end` count from the start
+        of mesh period `period`. `contact_codes` has the shape (m,). A mesh period with more than
+        `max_events` arcs ends the run with EVENT_LIMIT.
         """
         t, period_start = start, self._excitation_phase(period)
         crossings = self.possible_crossings(contact_codes)
@@ -146,7 +149,7 @@ class Split(Run):
             self.arc_count += 1
             if self.arc_count > self.max_events:
                 return state, contact_codes, status.EVENT_LIMIT
-            # The solver may miss the sign change if the flank distance is only a rounding error.
+            # If the flank distance is only a rounding error, the solver may miss its sign change.
             tolerance = 0.5 * self.restart_distance(state)
             index = self.problem.reached_crossing(period_start + t, state, crossings, tolerance)
             if index is None:
@@ -168,10 +171,10 @@ class Split(Run):
         return state, contact_codes, status.OK
 
     def _cross(self, period: int, t: float, state, contact_codes, crossing) -> np.ndarray:
-        """Move a state, in place, just beyond the flank that it crosses; return new contact codes.
+        """Move a state just beyond the flank that it crosses; return the new contact codes.
 
-        The phase t is counted from the start of mesh period `period`. The contact codes have shape
-        (m,); `crossing` is a `FlankCrossing`.
+        The state changes in place. The phase t is counted from the start of mesh period `period`.
+        `contact_codes`, shape (m,), are the codes before the `FlankCrossing` `crossing`.
         """
         mesh, flank, direction, code_after = crossing
         phase = self._excitation_phase(period) + t

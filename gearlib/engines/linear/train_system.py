@@ -34,7 +34,7 @@ ZERO_TOLERANCE = 1e-14
 
 
 class TrainSystem(NamedTuple):
-    """A train at one tuning: n state components, m meshes, p segments, up to e effects of a mesh."""
+    """A train at one tuning: n components, m meshes, p segments, up to e effects of a mesh."""
 
     base_matrix: np.ndarray  #: A while no flanks touch, shape (n, n)
     drive_lines: np.ndarray  #: row vectors: distance from the drive-side line, contact > 0, (m, n)

@@ -1,7 +1,7 @@
 """The Dormand-Prince pair of order 4(5) under step control, without event location.
 
-Coefficients, first step, error norm and step control are those of MATLAB's ode45 (Shampine and
-Reichelt: The MATLAB ODE suite, SIAM J. Sci. Comput. 18 (1997) 1-22).
+Coefficients, first step, error norm and step control follow MATLAB's ode45 (Shampine and Reichelt:
+The MATLAB ODE suite, SIAM J. Sci. Comput. 18 (1997) 1-22).
 """
 
 import math
@@ -47,17 +47,18 @@ DENSE_WEIGHTS = np.array(
 class StepControl(NamedTuple):
     """Tolerances and longest step of the step control."""
 
-    rtol: float
-    atol: float  #: static deflections, and dx/dtau
-    max_step: float  #: rad of mesh phase
+    rtol: float  #: relative tolerance of a step
+    atol: float  #: absolute tolerance of a step, for x in static deflections and for dx/dtau
+    max_step: float  #: longest step, rad of mesh phase
 
 
 @inlined_kernel
 def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
-    """Return the displacement and velocity after a Runge-Kutta step of length h from phase t.
+    """Return (x, v) after a Runge-Kutta step of length h from displacement x and velocity v.
 
-    `stages`, shape (7, 2), are derivatives (x', x''): the first is an input, the others are filled.
-    `excitation` holds segment bounds, stiffness lines and harmonics, and force harmonics.
+    The step starts at phase t. `stages`, shape (7, 2), holds the derivatives (x', x'') at the
+    stages: the first row is an input, the others are filled. `excitation` is (segment bounds,
+    stiffness lines, stiffness harmonics, force harmonics), see `acceleration_at`.
     """
     segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics = excitation
     new_x, new_v = x, v
@@ -85,7 +86,8 @@ def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
 def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
     """Return the relative error of a step of length h, which the step control compares with rtol.
 
-    The step leads from (x, v) to (new_x, new_v) with the stages (x', x''), shape (7, 2).
+    The step leads from (x, v) to (new_x, new_v). `stages`, shape (7, 2), holds the derivatives (x',
+    x'') at the stages, and `control` is the `StepControl`.
     """
     threshold = control.atol / control.rtol
     x_error, v_error = 0.0, 0.0
@@ -99,29 +101,30 @@ def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
 
 @inlined_kernel
 def _first_step(control: StepControl, end: float, x: float, v: float, a: float) -> float:
-    """Return the length that ode45 chooses for the first step, from (x, v) with acceleration a.
+    """Return the length that ode45 chooses for the first step.
 
-    The run starts at phase 0 and ends at the phase `end`.
+    The run starts at phase 0 from displacement x and velocity v, with acceleration a, and ends at
+    the phase `end`.
     """
     threshold, rtol = control.atol / control.rtol, control.rtol
-    relative_rate = max(abs(v) / max(abs(x), threshold), abs(a) / max(abs(v), threshold))
-    relative_rate /= 0.8 * rtol**0.2
+    inverse_step = max(abs(v) / max(abs(x), threshold), abs(a) / max(abs(v), threshold))
+    inverse_step /= 0.8 * rtol**0.2
     h = min(control.max_step, end)
-    return 1.0 / relative_rate if h * relative_rate > 1.0 else h
+    return 1.0 / inverse_step if h * inverse_step > 1.0 else h
 
 
 @kernel
 def take_embedded_steps(equation, record_start, end, max_attempts, progress, times, states, stages):
     """Take up to k steps, until the phase `end`; return (steps in the tables, status, evaluations).
 
-    The first entries of `times`, (k + 1,), and `states`, (k + 1, 2), are initial values. The steps
-    fill the others, and the derivatives (x', x'') in `stages`, (k, 7, 2). Steps that end before
-    `record_start` are overwritten. `equation` is (NonlinearMesh, ContactLaw, StepControl).
-    `progress` holds the next step length (0 at the start), the present mesh period, and the number
-    of steps attempted in it, which is at most `max_attempts`.
+    The first entries of `times`, (k + 1,), and `states`, (k + 1, 2), are initial values; the steps
+    fill the other entries and the derivatives (x', x'') at the stages, `stages`, (k, 7, 2). Steps
+    that end before `record_start` are overwritten. `equation` is (`NonlinearMesh`, `ContactLaw`,
+    `StepControl`). `progress`, (3,), holds the length of the next step (0 at the start), the
+    present mesh period, and the number of steps attempted in it, at most `max_attempts`.
     """
     mesh, contact_law, control = equation
-    # Each attribute access counts references, so the loop uses local names.
+    # Each attribute access changes reference counts, so the loop uses local names.
     bounds, lines = mesh.segment_bounds, mesh.stiffness_lines
     excitation = bounds, lines, mesh.stiffness_harmonics, mesh.force_harmonics
     rtol, mesh_period = control.rtol, 2.0 * math.pi
@@ -136,7 +139,7 @@ def take_embedded_steps(equation, record_start, end, max_attempts, progress, tim
         rates[0, 0], rates[0, 1] = v, a
         min_step = 16.0 * np.spacing(t)
         h = min(control.max_step, max(min_step, h))
-        # The last step is stretched by up to a tenth rather than followed by a tiny one.
+        # The last step is stretched by up to a tenth, so that no tiny step follows it.
         is_last = 1.1 * h >= end - t
         h = end - t if is_last else h
         has_failed = False

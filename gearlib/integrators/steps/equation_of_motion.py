@@ -4,9 +4,9 @@ The equation of one degree of freedom is, in static deflections and mesh phase,
 
     x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) g(x),
 
-with contact for x >= drive_x and x <= coast_x. In the smoothed law the factors
-H1 = (1 + tanh(sharpness (x - drive_x))) / 2 and H2 = (1 - tanh(sharpness (x - coast_x))) / 2
-of drive and coast side multiply spring force and damping.
+with contact for x >= drive_x and x <= coast_x. In the smoothed law, spring force and damping are
+multiplied by H1 = (1 + tanh(sharpness (x - drive_x))) / 2 on the drive side and by
+H2 = (1 - tanh(sharpness (x - coast_x))) / 2 on the coast side.
 """
 
 import math
@@ -19,23 +19,23 @@ from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.linear.train_system import TrainSystem, dot, is_past_coast_line, set_harmonics
 from gearlib.engines.taylor.series import NonlinearMesh
 
-#: Phases this close to a switch of stiffness count as the switch. The tolerance is far above the
-#: rounding of a phase and far below any step.
+#: A phase as close as this to a switch of stiffness counts as the switch. The tolerance is far
+#: above the rounding of a phase and far below any step.
 SAME_PHASE_TOLERANCE = 1e-12
 
 
 class ContactLaw(NamedTuple):
-    """The contact law as plain floats, which kernels pass on at no cost."""
+    """Contact law in plain floats, which kernels can pass on without cost."""
 
     drive_damping: tuple  #: d1, d2, d3 in drive-side contact
     backlash_damping: tuple  #: d1, d2, d3 in free flight
     coast_damping: tuple  #: d1, d2, d3 in coast-side contact
     nonlinear_stiffness: tuple  #: p2, p3: g = u + p2 |u| u + p3 u^3 for the elastic deflection u
     drive_x: float  #: displacement above which the drive side touches, static deflections
-    coast_x: float  #: displacement below which the coast side touches
-    ground_stiffness: float  #: e, stiffness towards x = 0 that acts without contact, too
+    coast_x: float  #: displacement below which the coast side touches, static deflections
+    ground_stiffness: float  #: e, stiffness towards x = 0, which also acts without contact
     sharpness: float = 0.0  #: sharpness of the smoothed law, per static deflection; 0: not smoothed
-    is_simple: bool = False  #: sharp, linear, equal damping of both flanks, no ground stiffness
+    is_simple: bool = False  #: not smoothed, linear, equal damping of both flanks, e = 0
 
 
 def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLaw:
@@ -43,9 +43,9 @@ def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLa
     arrays = mesh.drive_damping, mesh.backlash_damping, mesh.coast_damping, mesh.stiffness_powers
     drive, free, coast, stiffness = (tuple(coefficients.tolist()) for coefficients in arrays)
     is_linear = not any((*drive[1:], *free[1:], *coast[1:], *stiffness))
-    # A simple law has an expression of the acceleration that takes half the time.
+    # The acceleration of a simple law takes half as long to compute.
     is_simple = sharpness == 0.0 and is_linear and drive == coast and mesh.ground_stiffness == 0.0
-    # The fields drive_x, coast_x, ground_stiffness and sharpness of the law.
+    # These are the fields drive_x, coast_x, ground_stiffness and sharpness of the law.
     constants = mesh.drive_line, mesh.coast_line, mesh.ground_stiffness, sharpness
     return ContactLaw(drive, free, coast, stiffness, *map(float, constants), is_simple)
 
@@ -73,10 +73,10 @@ def _force_over_stiffness(contact_law: ContactLaw, deflection: float) -> float:
 
 @inlined_kernel
 def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
-    """Return (1 in contact, else 0; displacement at first contact; damping coefficients).
+    """Return (1.0 in contact, else 0.0; displacement at first contact; damping coefficients).
 
-    The coefficients d1, d2, d3 are those of v, |v| v and v^3. Without contact the displacement is
-    that of the drive side, which has no effect.
+    The coefficients d1, d2, d3 multiply v, |v| v and v^3. Without contact the displacement of the
+    drive flank is returned, which has no effect.
     """
     if contact_code == DRIVE:
         return 1.0, contact_law.drive_x, contact_law.drive_damping
@@ -110,9 +110,9 @@ def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
 def force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v) -> tuple:
     """Return (elastic mesh force over stiffness g, acceleration x'') at displacement x, velocity v.
 
-    Mesh stiffness and external force are those of the present phase. A smoothed contact law ignores
-    the contact code; only gear pairs have it, with equal damping of both flanks and no stiffness
-    towards the ground.
+    `stiffness` and `external_force` are values at the present phase. A smoothed contact law ignores
+    the contact code; only gear pairs have such a law, with equal damping of both flanks and without
+    ground stiffness.
     """
     if contact_law.sharpness > 0.0:
         g, contact_factor = _smoothed_contact(contact_law, x)
@@ -126,12 +126,12 @@ def force_and_acceleration(contact_law, contact_code, stiffness, external_force,
 
 @inlined_kernel
 def acceleration(contact_law, stiffness, external_force, x: float, v: float) -> float:
-    """Return x'' at displacement x and velocity v, which determine the contact.
+    """Return the acceleration x'' at displacement x, which determines the contact, and velocity v.
 
-    Mesh stiffness and external force are those of the present phase.
+    `stiffness` and `external_force` are values at the present phase.
     """
     if contact_law.is_simple:
-        # The general branch would double the time, which timings of methods would show.
+        # The general branch would take twice as long, which would distort timings of methods.
         damping = contact_law.drive_damping[0]
         if x >= contact_law.drive_x:
             return external_force - damping * v - stiffness * (x - contact_law.drive_x)
@@ -144,7 +144,10 @@ def acceleration(contact_law, stiffness, external_force, x: float, v: float) -> 
 
 @inlined_kernel
 def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
-    """Return a Fourier sum at a phase; `harmonics` has rows (order, cosine, sine coefficient)."""
+    """Return the value of a Fourier series at a phase.
+
+    `harmonics` has rows (order, cosine coefficient, sine coefficient); order 0 is the mean.
+    """
     total = 0.0
     for j in range(harmonics.shape[0]):
         order = harmonics[j, 0]
@@ -160,8 +163,9 @@ def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
 def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, phase_shift) -> float:
     """Return the mesh stiffness at a phase from 0 to 2 pi: a line on each segment plus harmonics.
 
-    Where it jumps, the small `phase_shift` selects the segment after (> 0) or before (< 0) the
-    phase. Lines, shape (m, 2), are (start value, slope); segment bounds have shape (m + 1,).
+    If the stiffness jumps at the phase, the small `phase_shift` selects the segment after it (> 0)
+    or before it (< 0). `stiffness_lines`, shape (m, 2), has rows (start value, slope);
+    `segment_bounds` has the shape (m + 1,); `harmonics` has rows (order, cosine, sine coefficient).
     """
     shifted_phase = phase + phase_shift
     if shifted_phase < 0.0:
@@ -181,10 +185,11 @@ def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, phase_shift)
 def acceleration_at(
     segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics, contact_law, t, x, v
 ) -> float:
-    """Return x'' at the phase t, displacement x and velocity v, which determines the contact.
+    """Return the acceleration x'' at the phase t, displacement x and velocity v.
 
-    The mesh stiffness is a line (start value, slope) on each segment plus harmonics, the force a
-    sum of harmonics; harmonics have the columns order, cosine, sine.
+    The displacement determines the contact. The mesh stiffness is a line (start value, slope) on
+    each segment plus harmonics, and the external force is a sum of harmonics; harmonics have the
+    columns order, cosine, sine coefficient.
     """
     phase = t - 2.0 * math.pi * math.floor(t * (0.5 / math.pi))
     stiffness = stiffness_at(
@@ -195,7 +200,10 @@ def acceleration_at(
 
 @kernel
 def mesh_acceleration(contact_law, mesh: NonlinearMesh, t: float, x: float, v: float) -> float:
-    """Return x'' of one mesh at phase t, displacement x (which decides contact) and velocity v."""
+    """Return the acceleration x'' of one mesh at the phase t, displacement x and velocity v.
+
+    The displacement determines the contact and so the stiffness of the drive or the coast flank.
+    """
     if contact_law.sharpness == 0.0 and x <= contact_law.coast_x:
         lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
     else:
@@ -206,9 +214,10 @@ def mesh_acceleration(contact_law, mesh: NonlinearMesh, t: float, x: float, v: f
 
 @inlined_kernel
 def _segment_stiffness(segment_bounds, stiffness_lines, harmonics, segment, t) -> float:
-    """Return the mesh stiffness at the phase t, which rounding may put just before the segment.
+    """Return the mesh stiffness at the phase t on a segment.
 
-    The lines, shape (m, 2), are (start value, slope) of the segments.
+    Rounding may put t just before the start of the segment. `stiffness_lines`, shape (m, 2), has
+    the start value and the slope of each of the m segments, and `segment_bounds` has their bounds.
     """
     offset = (t - segment_bounds[segment] + 1e-6) % (2.0 * math.pi) - 1e-6
     line_value = stiffness_lines[segment, 0] + stiffness_lines[segment, 1] * offset
@@ -221,10 +230,10 @@ def forces_and_accelerations(
 ) -> np.ndarray:
     """Return (mesh stiffness, elastic force over stiffness, x'') of states (k, 2), shape (k, 3).
 
-    Phases, segments of the stiffness and contact codes have shape (k,). A smoothed contact law
+    Phases, segments of the stiffness and contact codes have the shape (k,). A smoothed contact law
     ignores the contact codes.
     """
-    # Each attribute access counts references, so the loop uses local names.
+    # Each attribute access changes reference counts, so the loop uses local names.
     bounds, force_harmonics = mesh.segment_bounds, mesh.force_harmonics
     lines, harmonics = mesh.stiffness_lines, mesh.stiffness_harmonics
     coast_lines, coast_harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
@@ -248,9 +257,9 @@ def forces_and_accelerations(
 def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.ndarray:
     """Return d(state)/dtau of a gear train at the phase t; the state determines the contacts.
 
-    The state, shape (2 N,), holds displacements, then velocities. In `system`, `starts` bound the
-    stiffness segments; products of the rows `drive_lines` and `coast_lines`, (m, n), and the full
-    state are the distances of the m meshes from their flanks.
+    The state, shape (2 N,), holds displacements, then velocities by theta. In `system`, `starts`
+    bounds the stiffness segments; the rows of `drive_lines` and `coast_lines`, (m, n), times the
+    full state are the distances of the m meshes from their flanks.
     """
     size = state.shape[0]
     full_state, derivative = np.empty(system.base_matrix.shape[0]), np.empty(size)
@@ -268,9 +277,9 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
             contact_code = DRIVE
         elif dot(system.coast_lines[mesh], full_state) <= 0.0:
             contact_code = COAST
-        # The entry `effect` is the force case of a mesh: no contact, or contact at a stiffness.
+        # `effect` holds the force case of a mesh: no contact, or contact at some stiffness.
         force_case = system.effect[contact_code + 1, segment, mesh]
-        # A mesh has two forces, elastic with damping, and friction. Each is linear in the state.
+        # A mesh has two forces: elastic with damping, and friction. Both are linear in the state.
         for k in range(2):
             force = dot(system.force_output[mesh, force_case, k], full_state)
             for i in range(size):
@@ -284,7 +293,8 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
 def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndarray) -> bool:
     """Return whether both flanks of a mesh touch at once in a state at the phase t.
 
-    `may_jam` is a mask of the meshes in which that is possible.
+    `may_jam` is a mask of the meshes in which both flanks can touch. The state, shape (2 N,), holds
+    displacements, then velocities by theta.
     """
     if not may_jam.any():
         return False
@@ -303,6 +313,10 @@ def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndar
 
 @kernel
 def set_harmonics_of_states(frequencies: np.ndarray, states: np.ndarray, phases: np.ndarray):
-    """Set the constant 1 and the harmonics in full states, shape (k, n), at phases, shape (k,)."""
+    """Set the constant 1 and the harmonics in full states.
+
+    `states`, shape (k, n), are at the `phases`, shape (k,); `frequencies`, shape (h,), are by
+    phase.
+    """
     for i in range(phases.shape[0]):
         set_harmonics(frequencies, states[i], phases[i])

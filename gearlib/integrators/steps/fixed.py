@@ -1,9 +1,9 @@
 """Fixed steps across switches and contact: classical Runge-Kutta, generalised-alpha, Newmark.
 
-Every mesh period has the same steps, so stiffness and force at their nodes are tabulated once. If
-a switch of stiffness falls on a step end, the step before it uses the stiffness before the switch
-and the step after it the stiffness after the switch, so that the methods keep their order there.
-Steps do not end at switches and contacts inside them.
+All mesh periods have the same steps, so stiffness and force at their nodes are tabulated once. If a
+switch of stiffness falls on a step end, the step before it uses the stiffness before the switch and
+the step after it the stiffness after the switch, so that the methods keep their order there. Steps
+do not end at other switches, and not at changes of contact.
 """
 
 import math
@@ -30,7 +30,7 @@ from gearlib.integrators.steps.equation_of_motion import (
 
 #: Largest number of iterations of the contact force in a step. A linear contact needs 2 or 3.
 MAX_ITERATIONS = 50
-#: A residual below this fraction of the size of its terms is due to rounding.
+#: A residual below this fraction of the magnitude of its terms is due to rounding.
 _RESIDUAL_TOLERANCE = 1e-14
 
 
@@ -38,7 +38,7 @@ class Scheme(NamedTuple):
     """A fixed-step method and its constants."""
 
     runge_kutta: bool  #: classical Runge-Kutta, else generalised-alpha with the constants below
-    iterated: bool = False  #: contact of the step end, by iteration; else that of the step start
+    iterated: bool = False  #: whether contact is iterated; else it is frozen at the step start
     alpha_m: float = 0.0
     alpha_f: float = 0.0
     beta: float = 0.0
@@ -49,8 +49,9 @@ class Scheme(NamedTuple):
 def tabulate_excitation(mesh: NonlinearMesh, steps: int, middle_fraction: float) -> tuple:
     """Return (stiffness, external force, jump mask) for the equal steps of one mesh period.
 
-    Stiffness and force, shape (steps, 3), are those at the start, at `middle_fraction` of the step
-    and at the end. The mask is true for steps at whose start the stiffness jumps.
+    The columns of stiffness and force, shape (steps, 3), are values at the start, at the fraction
+    `middle_fraction` and at the end of a step. The mask is True for steps at whose start the
+    stiffness jumps.
     """
     stiffness, force = np.empty((steps, 3)), np.empty((steps, 3))
     for k in range(steps):
@@ -70,7 +71,8 @@ def tabulate_excitation(mesh: NonlinearMesh, steps: int, middle_fraction: float)
 def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
     """Return (x, v) after a step of length h of the classical Runge-Kutta method.
 
-    `stiffness` and external `force` hold the values at the start, the middle and the end.
+    `stiffness` and external `force` each hold the values at the start, the middle and the end of
+    the step.
     """
     half_step = 0.5 * h
     a1 = acceleration(contact_law, stiffness[0], force[0], x, v)
@@ -88,13 +90,15 @@ def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
 def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> float:
     """Return the acceleration at the end of a generalised-alpha step with frozen contact.
 
-    Contact, stiffness and damping are those of the state `start`, (x, v, a), of the step of length
-    h. `middle` is the (x, v) of the middle state if the acceleration at the end were 0.
+    `start`, (x, v, a), is the state at the start of the step of length h; it determines the
+    contact, the secant stiffness and the secant damping. `middle` is (x, v) of the middle state for
+    zero acceleration at the end. Mesh `stiffness` and external `force` are values at the middle
+    state.
     """
     start_x, start_v, start_a = start
     middle_x, middle_v = middle
     alpha_m, alpha_f = scheme.alpha_m, scheme.alpha_f
-    # Derivatives of the middle state by the acceleration at the end.
+    # Derivatives of the middle state with respect to the acceleration at the end.
     dx_da, dv_da = (1.0 - alpha_f) * scheme.beta * h * h, (1.0 - alpha_f) * scheme.gamma * h
     p2, p3 = contact_law.nonlinear_stiffness
     is_touching, contact_x, (d1, d2, d3) = contact_terms(
@@ -110,15 +114,16 @@ def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle
 
 @inlined_kernel
 def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> tuple:
-    """Return (acceleration at the end, iterations, convergence) by Newton's method.
+    """Return (acceleration at the end of a step, iterations, convergence) by Newton's method.
 
-    The arguments are a generalised-alpha `scheme`, the step length h, mesh stiffness and external
-    force, the `start`, (x, v, a), and the `middle`, (x, v) for zero acceleration at the end.
+    `scheme` is generalised-alpha, and h is the length of the step. `start`, (x, v, a), is the state
+    at its start, and `middle` is (x, v) of the middle state for zero acceleration at the end. Mesh
+    `stiffness` and external `force` are values at the middle state.
     """
     start_x, start_v, start_a = start
     middle_x, middle_v = middle
     alpha_m, alpha_f = scheme.alpha_m, scheme.alpha_f
-    # Derivatives of the middle state by the acceleration at the end.
+    # Derivatives of the middle state with respect to the acceleration at the end.
     dx_da, dv_da = (1.0 - alpha_f) * scheme.beta * h * h, (1.0 - alpha_f) * scheme.gamma * h
     p2, p3 = contact_law.nonlinear_stiffness
     a, iterations = start_a, 0
@@ -133,13 +138,15 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
         tangent_stiffness = stiffness * dg_dx
         tangent_damping = d1 + (2.0 * d2 + 3.0 * d3 * speed) * speed
         iterations += 1
-        size = abs(a) + abs(alpha_m * start_a) + abs(force) + abs(damping)
-        size += tangent_stiffness * (abs(x) + deflection + abs(start_x) + h * abs(start_v))
-        if abs(residual) <= _RESIDUAL_TOLERANCE * size:
+        term_magnitude = abs(a) + abs(alpha_m * start_a) + abs(force) + abs(damping)
+        term_magnitude += tangent_stiffness * (
+            abs(x) + deflection + abs(start_x) + h * abs(start_v)
+        )
+        if abs(residual) <= _RESIDUAL_TOLERANCE * term_magnitude:
             return a, iterations, True
         a -= residual / (1.0 - alpha_m + tangent_damping * dv_da + tangent_stiffness * dx_da)
     # If the damping jumps with contact, the residual may jump over zero. Then the flanks just
-    # touch, with a damping between those of contact and backlash.
+    # touch, and the damping force lies between its values in contact and in free flight.
     for contact_x in (contact_law.drive_x, contact_law.coast_x):
         if abs(contact_x) < math.inf:
             a = (contact_x - middle_x) / dx_da
@@ -157,11 +164,12 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
 def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start_a) -> tuple:
     """Return (x, v, a, evaluations, converged) after a step of the generalised-alpha method.
 
-    Mesh stiffness and external force are those at the fraction 1 - alpha_f of the step of length h.
-    The accelerations `start_a` and a are those of the method, not of the equation of motion.
+    The step of length h leads from (start_x, start_v, start_a). Mesh `stiffness` and external
+    `force` are values at the fraction 1 - alpha_f of the step. The accelerations belong to the
+    method; they do not obey the equation of motion at step ends.
     """
     fraction = 1.0 - scheme.alpha_f
-    # The middle state is linear in a: these are its displacement and velocity for a = 0.
+    # The middle state is linear in a; this is the state for a = 0.
     middle_v = start_v + fraction * h * (1.0 - scheme.gamma) * start_a
     middle_x = start_x + fraction * h * (start_v + h * (0.5 - scheme.beta) * start_a)
     start, middle = (start_x, start_v, start_a), (middle_x, middle_v)
@@ -181,9 +189,10 @@ def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start
 def take_steps(contact_law, scheme: Scheme, excitation: tuple, a: float, states) -> tuple:
     """Take k steps from the start of a mesh period; return (status, evaluations, acceleration).
 
-    The first row of `states`, shape (k + 1, 2), is the initial state; the others are filled. The
-    excitation is that of `tabulate_excitation`. The acceleration `a` of generalised-alpha at the
-    first state is NaN if it follows from the equation of motion; the last one is returned.
+    The first row of `states`, shape (k + 1, 2), is the initial state; the other rows are filled.
+    `excitation` comes from `tabulate_excitation`. a is the acceleration of generalised-alpha at the
+    initial state, or NaN if it follows from the equation of motion; the acceleration at the last
+    state is returned.
     """
     stiffness, force, has_jump = excitation
     steps = stiffness.shape[0]
@@ -214,23 +223,23 @@ def take_steps(contact_law, scheme: Scheme, excitation: tuple, a: float, states)
 
 
 @kernel
-def take_train_steps(system, may_jam, period, steps, states, limit) -> tuple:
+def take_train_steps(system, may_jam, period, steps, states, max_component) -> tuple:
     """Take k Runge-Kutta steps of a gear train; return (status, evaluations).
 
     The first row of `states`, shape (k + 1, size), is the state at the start of mesh period
-    `period`; the others are filled, `steps` per mesh period. The run ends early if a component
-    exceeds `limit` or both flanks touch in one of the meshes of the mask `may_jam`.
+    `period`; the other rows are filled. A mesh period has `steps` steps. The run ends early if a
+    component exceeds `max_component`, or if both flanks touch in a mesh of the mask `may_jam`.
     """
     h = 2.0 * math.pi / steps
     for i in range(states.shape[0] - 1):
         t, z = 2.0 * math.pi * (period + i // steps) + (i % steps) * h, states[i]
-        k1 = train_derivative(system, t, z)
-        k2 = train_derivative(system, t + h / 2.0, z + h / 2.0 * k1)
-        k3 = train_derivative(system, t + h / 2.0, z + h / 2.0 * k2)
-        k4 = train_derivative(system, t + h, z + h * k3)
-        states[i + 1] = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        rate_1 = train_derivative(system, t, z)
+        rate_2 = train_derivative(system, t + h / 2.0, z + h / 2.0 * rate_1)
+        rate_3 = train_derivative(system, t + h / 2.0, z + h / 2.0 * rate_2)
+        rate_4 = train_derivative(system, t + h, z + h * rate_3)
+        states[i + 1] = z + h / 6.0 * (rate_1 + 2.0 * rate_2 + 2.0 * rate_3 + rate_4)
         if is_jammed(system, may_jam, t + h, states[i + 1]):
             return JAMMED, 4 * (i + 1)
-        if not np.abs(states[i + 1]).max() < limit:
+        if not np.abs(states[i + 1]).max() < max_component:
             return OVERFLOW, 4 * (i + 1)
     return OK, 4 * (states.shape[0] - 1)
