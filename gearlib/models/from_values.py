@@ -189,9 +189,10 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
 
 
 def _parallel_stage(values: dict) -> planetary.ParallelStage:
-    """Return the parallel stage of a planetary set from a dict of its values.
+    """Return the parallel stage of a planetary set from a dict of plain values.
 
-    Its gears are dicts; `values` also has the body that the stage is `on` and optional fields.
+    `values` holds the values of the gear stage, with its gears as dicts, and the other fields of
+    `ParallelStage`, some of which are optional.
     """
     fields = {
         name: values[name]

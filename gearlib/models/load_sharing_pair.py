@@ -121,7 +121,7 @@ class LoadSharingPair(WithPair):
         super().__post_init__()
         errors = tuple(load_sharing.checked_errors(self.stage, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
-        self._pairs(np.zeros(1))  # raises ValueError if stiffness or coupling is not allowed
+        self._pairs(np.zeros(1))  # This raises ValueError if stiffness or coupling is not allowed.
 
     @classmethod
     @checked
@@ -134,7 +134,7 @@ class LoadSharingPair(WithPair):
         twist=True,
         **options: Any,
     ) -> "LoadSharingPair":
-        """Return the pair of two gears, whose scales follow from the mean of this mesh stiffness.
+        """Return the pair of two gears, with scales from the mean of the mesh stiffness.
 
         Parameters
         ----------
@@ -242,7 +242,8 @@ class LoadSharingPair(WithPair):
         if self.backlash == math.inf:
             return 0.0, 0.0
         # On the coast side the force is stiffness * x - offset, negative below its flank line.
-        stiffness, _, _, offset, _, _ = self.system_and_max_stiffness[0].force_laws[0, -1]
+        system, _ = self.system_and_max_stiffness
+        stiffness, _, _, offset, _, _ = system.force_laws[0, -1]
         return float((load + offset) / stiffness), 0.0
 
     @property

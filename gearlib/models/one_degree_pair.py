@@ -155,19 +155,20 @@ class Equation:
         `load` is the mean force over the `load` of the equation. If there is no equilibrium, or if
         there are many, return the displacement closest to 0 without deflection.
         """
+        # At phase 0 only the cosines of harmonics, in column 1, are not 0.
         force, ground = self.load * load + self.force[:, 1].sum(), self.ground_stiffness
         contacts = (1.0, self.upper, self.drive_stiffness), (-1.0, self.lower, self.coast_stiffness)
-        for sign, edge, pieces in contacts:
-            if not math.isfinite(edge) or sign * (force - ground * edge) <= 0.0:
+        for sign, flank_line, pieces in contacts:
+            if not math.isfinite(flank_line) or sign * (force - ground * flank_line) <= 0.0:
                 continue
             stiffness = pieces.lines[0, 0] + pieces.harmonics[:, 1].sum()
             if not stiffness + ground > 0.0:
                 continue
             # The force increases with the deflection, so that exactly one root is positive.
             powers = stiffness * self.stiffness_powers[::-1]
-            linear = stiffness + ground, -sign * (force - ground * edge)
+            linear = stiffness + ground, -sign * (force - ground * flank_line)
             deflection = np.roots([*powers, *linear]).real.max()
-            return float(edge + sign * deflection)
+            return float(flank_line + sign * deflection)
         if ground:
             return float(force / ground)
         return float(np.clip(0.0, self.lower, self.upper))

@@ -55,7 +55,10 @@ class Pieces:
         return float(np.min(np.minimum(before, after) / np.maximum(before, after)))
 
     def cut_at(self, breaks: "np.ndarray") -> "Pieces":
-        """Return the same stiffness with more `breaks`, which must include the present breaks."""
+        """Return the same stiffness with more `breaks`, which must include the present breaks.
+
+        `breaks` are ascending phases from 0 to 2 pi.
+        """
         import numpy as np
 
         # The indices of the present pieces in which the new pieces lie.

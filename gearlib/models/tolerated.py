@@ -82,8 +82,11 @@ def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, flo
     """
     checks.require(hasattr(scatter, "items"), parameter_name, scatter, ALLOWED_SCATTER)
     scatter = dict(scatter)
-    # The keys of the first kind of description that has all keys of `scatter`.
-    keys: tuple = next((keys for keys in SCATTER_KEYS if scatter and {*scatter} <= {*keys}), ())
+    keys: tuple = ()  # all keys of the first kind of description that has the keys of `scatter`
+    for possible_keys in SCATTER_KEYS:
+        if scatter and {*scatter} <= {*possible_keys}:
+            keys = possible_keys
+            break
     missing_keys = [key for key in keys if key not in scatter]
     is_complete = keys and {*missing_keys} <= {*_OPTIONAL_KEYS}
     checks.require(is_complete, parameter_name, scatter, ALLOWED_SCATTER)
@@ -145,6 +148,9 @@ def check_range(parameter_name, scatter, parameter, values) -> None:
     for limit_name, limit in zip(limit_names, limits, strict=True):
         if math.isfinite(limit):
             parameter.check(limit_name, limit)
-    centre_key = next((key for key in _OPTIONAL_KEYS if key in scatter), None)
-    centre_name = f"{parameter_name}.{centre_key}" if centre_key else f"middle of {parameter_name}"
+    centre_name = f"middle of {parameter_name}"
+    for key in _OPTIONAL_KEYS:
+        if key in scatter:
+            centre_name = f"{parameter_name}.{key}"
+            break
     parameter.check(centre_name, centre)

@@ -94,6 +94,7 @@ def planetary_meshes(
         with checks.below("", owner="the ring mesh", pinion="planet", wheel="ring"):
             ring_mesh = GearStage(planet, ring, sun_mesh.centre_distance, ring_backlash)
     except ValueError:
+        # A wrong number of ring teeth has priority over the error that it causes in a mesh.
         _check_ring_teeth(sun, planet, ring, centre_distance)
         raise
     tooth_sum = sun.teeth + ring.teeth
@@ -101,6 +102,7 @@ def planetary_meshes(
         positions = equal_positions(sun.teeth, ring.teeth, planets)
     angles = tuple(checks.sequence("positions", positions, planets))
     for i, angle in enumerate(angles):
+        # The planet fits if it is a whole number of these pitches away from the first planet.
         pitches = tooth_sum * (angle - angles[0]) / math.tau
         if abs(pitches - round(pitches)) > _POSITION_TOLERANCE:
             allowed = (

@@ -112,6 +112,7 @@ class Tooth:
         self.form_phi = gear.form_roll_length / self.base_radius
         self._fillet: Any = None  # x, y and quadrature weights of integrals over y, in m
         if not gear.internal:
+            # The angle gamma of the fillet goes from the pressure angle to pi / 2.
             start = gear.transverse_pressure_angle
             half_range = (math.pi / 2.0 - start) / 2.0
             x, y, y_slope = self.fillet(start + half_range * (1.0 + _NODES))
@@ -290,7 +291,7 @@ class PairCompliance:
         Phi is the radius of curvature of the flank at the contact point over the base radius.
         """
         pinion_tooth, wheel_tooth = self._teeth
-        wheel_radius = self.stage.wheel_roll_length(position)
+        wheel_radius: Any = self.stage.wheel_roll_length(position)
         return [
             (pinion_tooth, position / pinion_tooth.base_radius),
             (wheel_tooth, wheel_radius / wheel_tooth.base_radius),

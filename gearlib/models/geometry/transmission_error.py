@@ -400,8 +400,8 @@ def _minimize_range(function, start, bounds) -> np.ndarray:
     """
     from scipy.optimize import minimize
 
-    # SLSQP minimizes upper - lower, where lower and upper are two more variables, and all values
-    # must lie between them.
+    # SLSQP minimizes upper - lower, where lower and upper are two more variables. The constraints,
+    # which must be >= 0, keep all values between them.
     def constraints(extended):
         *variables, lower, upper = extended
         distances = function(np.array(variables)) - lower
