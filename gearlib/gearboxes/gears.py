@@ -1,4 +1,4 @@
-"""Geometry of a stage of a gearbox from the attributes of its gears and their loaded flanks."""
+"""Geometry of a gearbox stage from the attributes of its gears and their loaded flanks."""
 
 import math
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ from gearlib.models.geometry.iso import MIN_ROOT_RATIO
 if TYPE_CHECKING:
     from gearlib.gearboxes.gearbox import Gearbox
 
-#: Field of a gear -> attribute of its component.
+#: Field of a gear geometry -> attribute of a component in REXS.
 _ATTRIBUTES = {
     "teeth": "number_of_teeth",
     "module": "normal_module",
@@ -35,10 +35,10 @@ class Stage(NamedTuple):
     """Two gears in mesh."""
 
     name: str
-    part: Component
+    part: Component  #: component of the stage itself
     pinion: Component
-    wheel: Component  #: the one with more teeth, or the ring gear
-    carrier: str | None  #: id of the carrier of one of the gears
+    wheel: Component  #: the gear with more teeth, or the ring gear
+    carrier: str | None  #: id of the carrier that carries one of the gears, if any
 
     @property
     def internal(self) -> bool:
@@ -48,71 +48,93 @@ class Stage(NamedTuple):
     @property
     def signed_teeth(self) -> tuple[int, int]:
         """Numbers of teeth of pinion and wheel, negative for a ring gear."""
-        return teeth(self.pinion), -teeth(self.wheel) if self.internal else teeth(self.wheel)
+        wheel_teeth = teeth(self.wheel)
+        return teeth(self.pinion), -wheel_teeth if self.internal else wheel_teeth
 
 
 def teeth(gear: Component) -> int:
-    """Return the number of teeth of a gear, which some programs write with a sign."""
+    """Return the number of teeth of a gear, without the sign that some programs write."""
     number = gear.number("number_of_teeth", "1", "of every gear in a stage")
     checks.require(number == round(number), "number_of_teeth", number, "an integer", str(gear))
     return abs(round(number))
 
 
 @contextmanager
-def _named(*owners: tuple[str, Component]):
-    """Name component and attribute in errors about "pinion", "wheel" or, without them, a stage."""
+def _translating_errors(*owners: tuple[str, Component]):
+    """Translate errors about a geometry into errors that name component and attribute in REXS.
+
+    `owners` are pairs (prefix of the path of an error, component), such as ("pinion", gear). The
+    prefix "" stands for all errors without another prefix.
+    """
     try:
         yield
     except InputError as error:
         if error.owner:
             raise
-        first, _, rest = error.path.partition(".")
-        prefixes = {name: part for name, part in owners}
-        part, path = (prefixes[first], rest) if first in prefixes else (prefixes[""], error.path)
-        path = _ATTRIBUTES.get(path, path)
-        raise InputError(path, error.value, error.requirement, error.problem, str(part)) from None
+        parts = dict(owners)
+        prefix, _, path = error.path.partition(".")
+        if prefix not in parts:
+            prefix, path = "", error.path
+        attribute = _ATTRIBUTES.get(path, path)
+        owner = str(parts[prefix])
+        raise InputError(attribute, error.value, error.requirement, error.problem, owner) from None
 
 
 def geometry(box: "Gearbox", stage: Stage, sides: list[str], distance: float) -> GearStage:
-    """Return the geometry of a stage, whose pinion and wheel have a "left" or "right" flank each.
+    """Return the geometry of a stage with the given loaded flanks.
 
-    What the file does not state is added to the defaults of the box.
+    `sides` of pinion and wheel are "left" or "right", and `distance` is the centre distance in m.
+    Values that the file does not state are listed in the defaults of the box.
     """
     gears = stage.pinion, stage.wheel
     flanks = [_flank(box, gear, side) for gear, side in zip(gears, sides, strict=True)]
-    angles = [_angles(box, gear, flank) for gear, flank in zip(gears, flanks, strict=True)]
-    shifts = _shifts(box, stage, flanks, angles[0], distance)
-    made = []
-    for gear, flank, angle, shift in zip(gears, flanks, angles, shifts, strict=True):
-        with _named(("", gear)):
-            made.append(_gear(box, gear, flank, angle | {"shift": shift}))
-    limits = [stage.part.number(f"{x}_normal_backlash", "m") for x in ("minimum", "maximum")]
-    given = [x for x in limits if x is not None]
-    backlash = sum(given) / len(given) if given else None
+    angles = [
+        _module_and_angles(box, gear, flank) for gear, flank in zip(gears, flanks, strict=True)
+    ]
+    shifts = _profile_shifts(box, stage, flanks, angles[0], distance)
+    geometries = []
+    for gear, flank, values, shift in zip(gears, flanks, angles, shifts, strict=True):
+        with _translating_errors(("", gear)):
+            geometries.append(_gear(box, gear, flank, values | {"shift": shift}))
+    lowest = stage.part.number("minimum_normal_backlash", "m")
+    highest = stage.part.number("maximum_normal_backlash", "m")
+    stated = [backlash for backlash in (lowest, highest) if backlash is not None]
+    backlash = sum(stated) / len(stated) if stated else None
     owners = ("pinion", stage.pinion), ("wheel", stage.wheel), ("", stage.part)
-    with _named(*owners):
-        result = GearStage(made[0], made[1], distance, backlash)
-    if backlash is None and result.has_recommended_backlash:
-        value = 1e3 * result.backlash
-        box.default(f"normal backlash {value:.4g} mm, as recommended", stage.part)
-    return result
+    with _translating_errors(*owners):
+        gear_stage = GearStage(geometries[0], geometries[1], distance, backlash)
+    if backlash is None and gear_stage.has_recommended_backlash:
+        millimetres = 1e3 * gear_stage.backlash
+        box.default(f"normal backlash {millimetres:.4g} mm, as recommended", stage.part)
+    return gear_stage
 
 
 def _flank(box: "Gearbox", gear: Component, side: str) -> Component:
-    """Return a flank of a gear, or the gear itself if the file has no flanks."""
-    for sides in box.model.related("flank", gear=gear):
-        return sides.get(side) or next((x for key, x in sides.items() if key != "gear"), gear)
+    """Return the component of a flank of a gear, or the gear itself if the file has no flanks.
+
+    `side` is "left" or "right". If the file has only flanks of other sides, the first is returned.
+    """
+    for roles in box.model.related("flank", gear=gear):
+        if roles.get(side):
+            return roles[side]
+        return next((part for role, part in roles.items() if role != "gear"), gear)
     return gear
 
 
-def _number(parts_of_gear: tuple, field: str, unit: str) -> float | None:
-    """Return the number of a field from the first component that has it."""
-    numbers = (part.number(_ATTRIBUTES[field], unit) for part in parts_of_gear)
-    return next((x for x in numbers if x is not None), None)
+def _number(components: tuple, field: str, unit: str) -> float | None:
+    """Return a number from the first component that has it, or None.
+
+    `field` is the name of the number in `_ATTRIBUTES`, and `unit` the unit of the result.
+    """
+    for component in components:
+        number = component.number(_ATTRIBUTES[field], unit)
+        if number is not None:
+            return number
+    return None
 
 
-def _angles(box: "Gearbox", gear: Component, flank: Component) -> dict[str, Any]:
-    """Return module, pressure angle and helix angle of a gear."""
+def _module_and_angles(box: "Gearbox", gear: Component, flank: Component) -> dict[str, Any]:
+    """Return the normal module (m), pressure angle and helix angle (rad) of a gear by name."""
     values = {"module": gear.number("normal_module", "m", "for the geometry of the stage")}
     for field, default, text in (
         ("pressure_angle", math.radians(20.0), "20 degrees"),
@@ -125,8 +147,13 @@ def _angles(box: "Gearbox", gear: Component, flank: Component) -> dict[str, Any]
     return values
 
 
-def _shifts(box, stage: Stage, flanks: list, angles: dict, distance: float) -> list:
-    """Return the profile shifts of pinion and wheel; one may follow from the centre distance."""
+def _profile_shifts(box, stage: Stage, flanks: list, angles: dict, distance: float) -> list:
+    """Return the profile shift coefficients of pinion and wheel.
+
+    If the file states only one of them, the other follows from the centre `distance` in m, without
+    backlash. `flanks` are the components of both flanks, and `angles` the result of
+    `_module_and_angles` for the pinion.
+    """
     name, gears = _ATTRIBUTES["shift"], (stage.pinion, stage.wheel)
     shifts = [_number(pair, "shift", "1") for pair in zip(flanks, gears, strict=True)]
     if None not in shifts:
@@ -135,84 +162,102 @@ def _shifts(box, stage: Stage, flanks: list, angles: dict, distance: float) -> l
         problem = f"is missing: it must be given for this gear or {stage.wheel}"
         raise InputError(name, problem=problem, owner=str(stage.pinion))
     alpha, beta = angles["pressure_angle"], angles["helix_angle"]
-    transverse, count = math.atan(math.tan(alpha) / math.cos(beta)), sum(stage.signed_teeth)
-    base = abs(count) * angles["module"] / math.cos(beta) * math.cos(transverse) / 2.0
-    allowed = f"above {base:.6g} m, where the base circles would have no line of action"
-    checks.require(distance > base, "center_distance", distance, allowed, str(stage.part))
-    involute = inv(math.acos(base / distance)) - inv(transverse)
-    total = round(involute * count / (2.0 * math.tan(alpha)), 9)
+    transverse_angle = math.atan(math.tan(alpha) / math.cos(beta))
+    teeth_sum = sum(stage.signed_teeth)
+    # Centre distance at which the base circles touch.
+    base_distance = abs(teeth_sum) * angles["module"] / math.cos(beta)
+    base_distance = base_distance * math.cos(transverse_angle) / 2.0
+    allowed = f"above {base_distance:.6g} m, where the base circles would have no line of action"
+    checks.require(distance > base_distance, "center_distance", distance, allowed, str(stage.part))
+    difference = inv(math.acos(base_distance / distance)) - inv(transverse_angle)
+    shift_sum = round(difference * teeth_sum / (2.0 * math.tan(alpha)), 9)
     i = shifts.index(None)
-    shifts[i] = total - shifts[1 - i]
+    shifts[i] = shift_sum - shifts[1 - i]
     box.default(f"{name} {shifts[i] + 0.0:.6g}, by the centre distance", gears[i])
     return shifts
 
 
 def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> SpurGear:
-    """Return the geometry of a gear with the values that are known already."""
-    internal = gear.type == "ring_gear"
-    addendum = _number((flank, gear), "addendum", "1")
+    """Return the geometry of a gear.
+
+    `values` are the fields of the geometry that are known already: module, pressure angle, helix
+    angle and profile shift.
+    """
+    is_ring = gear.type == "ring_gear"
+    addendum = _number((flank, gear), "addendum", "1") or 1.0
     values |= {
         "teeth": teeth(gear),
         "width": gear.number("face_width", "m", "for the contact ratios and the stiffness"),
-        "internal": internal,
+        "internal": is_ring,
         "material": box.material(gear)[0],
     }
-    tip = gear.number("tip_diameter", "m")
-    if tip is None:
-        box.default(f"tip_diameter d + 2 m_n ({addendum or 1.0:g} + x), not shortened", gear)
+    tip_diameter = gear.number("tip_diameter", "m")
+    if tip_diameter is None:
+        box.default(f"tip_diameter d + 2 m_n ({addendum:g} + x), not shortened", gear)
     else:
-        values["tip_diameter"] = abs(tip)
+        values["tip_diameter"] = abs(tip_diameter)
     quality = gear.number("tolerance_class_according_to_iso_1328_2013", "1")
     if quality is not None and 1.0 <= quality <= 11.0:
         values["quality"] = round(quality)
-    made = _with_rack(box, gear, values, addendum or 1.0)
-    inside, outside = box.shaft_diameters(gear)
-    if internal:
-        if inside <= made.root_diameter:
-            inside = made.root_diameter + 7.0 * made.module
+    spur_gear = _with_rack(box, gear, values, addendum)
+    inner_diameter, outer_diameter = box.shaft_diameters(gear)
+    if is_ring:
+        # The shaft of a ring gear lies around its rim.
+        rim_diameter = inner_diameter
+        if rim_diameter <= spur_gear.root_diameter:
+            rim_diameter = spur_gear.root_diameter + 7.0 * spur_gear.module
             box.default("rim 3.5 modules above the root", gear)
-        made = replace(made, outer_diameter=inside)
-    elif outside and outside < made.root_diameter / MIN_ROOT_RATIO:
-        made = replace(made, bore=outside)
-    elif outside:
+        spur_gear = replace(spur_gear, outer_diameter=rim_diameter)
+    elif outer_diameter and outer_diameter < spur_gear.root_diameter / MIN_ROOT_RATIO:
+        spur_gear = replace(spur_gear, bore=outer_diameter)
+    elif outer_diameter:
         box.default("no bore, one piece with the shaft", gear)
-    relief = _relief(box, flank, made)
-    return replace(made, tip_relief=relief) if relief else made
+    tip_relief = _tip_relief(box, flank, spur_gear)
+    return replace(spur_gear, tip_relief=tip_relief) if tip_relief else spur_gear
 
 
 def _with_rack(box: "Gearbox", gear: Component, values: dict, addendum: float) -> SpurGear:
-    """Return a gear with the rack of its tool, or with rack A of ISO 53 if that undercuts it."""
+    """Return a gear with the rack of its tool, or with rack A of ISO 53 if the tool undercuts it.
+
+    `values` are all other fields of the geometry, and `addendum` is the addendum of the rack in
+    modules.
+    """
     rack = replace(RACKS["A"], addendum=addendum)
     for tool in box.model.linked(gear, "rack_shaped_tool"):
         # The addendum of the tool cuts the dedendum of the gear.
         dedendum = tool.number("addendum_coefficient_reference_profile", "1")
-        radius = tool.number("tip_radius_factor", "1")
+        tip_radius = tool.number("tip_radius_factor", "1")
         try:
-            made = replace(
+            tool_rack = replace(
                 rack,
                 dedendum=rack.dedendum if dedendum is None else dedendum,
-                tip_radius=rack.tip_radius if radius is None else radius,
+                tip_radius=rack.tip_radius if tip_radius is None else tip_radius,
             )
-            return SpurGear(**values, rack=made)
+            return SpurGear(**values, rack=tool_rack)
         except InputError:
             box.default("rack A of ISO 53, since the tool would undercut the teeth", gear)
     return SpurGear(**values, rack=rack)
 
 
-def _relief(box: "Gearbox", flank: Component, gear: SpurGear) -> TipRelief | None:
-    """Return the tip relief of a flank, or None."""
+def _tip_relief(box: "Gearbox", flank: Component, gear: SpurGear) -> TipRelief | None:
+    """Return the tip relief of a flank, or None if the file states none.
+
+    `gear` is the geometry of the gear; its roll lengths give the length of the relief if the file
+    states the diameter at which the relief starts.
+    """
     part = next(iter(box.model.linked(flank, "tip_relief")), None)
-    if part is None or not (amount := part.number("tip_relief_depth", "m")):
+    amount = None if part is None else part.number("tip_relief_depth", "m")
+    if part is None or not amount:
         return None
-    length, start = (part.number(f"tip_relief_datum_{x}", "m") for x in ("length", "diameter"))
-    if start is not None:
+    length = part.number("tip_relief_datum_length", "m")
+    start_diameter = part.number("tip_relief_datum_diameter", "m")
+    if start_diameter is not None:
         base = gear.base_diameter
         lowest, highest = sorted([max(base, gear.root_diameter), float(gear.tip_diameter)])
+        valid = lowest <= start_diameter <= highest
         allowed = f"between {lowest:.6g} and {highest:.6g} m, on the flank"
-        checks.require(
-            lowest <= start <= highest, "tip_relief_datum_diameter", start, allowed, str(part)
-        )
-        length = abs(gear.tip_roll_length - math.sqrt(start**2 - base**2) / 2.0)
+        checks.require(valid, "tip_relief_datum_diameter", start_diameter, allowed, str(part))
+        length = abs(gear.tip_roll_length - math.sqrt(start_diameter**2 - base**2) / 2.0)
     elif length is None:
         problem = "is missing: it must be given for the tip relief"
         raise InputError("tip_relief_datum_diameter", problem=problem, owner=str(part))
@@ -220,5 +265,5 @@ def _relief(box: "Gearbox", flank: Component, gear: SpurGear) -> TipRelief | Non
     shapes = {"linear": "linear", "parabolic": "parabolic", "circular": "parabolic"}
     allowed = "linear, parabolic or circular"
     checks.require(shape in shapes, "shape_of_relief", shape, allowed, str(part))
-    with _named(("", part)):
+    with _translating_errors(("", part)):
         return TipRelief(amount=amount, length=length, shape=shapes[shape])
