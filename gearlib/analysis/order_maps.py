@@ -757,6 +757,7 @@ def transmission_error(run: xr.Dataset) -> np.ndarray:
     deviation = model.get("deviation") if "profile" in model else None
     if not deviation:
         return displacement
+    # The amplitudes of the deviation in m become static deflections.
     phase, scale = run.phase.values, 1.0 / run.static_deflection.item()
     waves = Harmonics(deviation["cosines"], deviation["sines"]).table(scale)
     return displacement - sum(

@@ -260,7 +260,7 @@ def speed_course(
     is_valid = len(course) > 1 and course[0, 0] == 0.0
     checks.require(is_valid, "speed", speed, "of two rows or more, the first at 0 s")
     if not course[:, 1].any():
-        raise ValueError("speed is not allowed to be 0 rpm all along: it must be > 0 at some time")
+        raise ValueError("speed = 0 rpm at all times is not allowed: it must be > 0 at some time")
     return course
 
 
@@ -310,7 +310,7 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
     `records` are its `IntervalRecord`s in order of time, whose blocks of mesh periods are the
     revolutions. Their dimensionless time is theta = omega t, `omega` in rad/s.
     """
-    # A number for each mesh period; the first period of each revolution starts it.
+    # Each mesh period has the number of its revolution.
     revolutions = np.concatenate([record.block for record in records])
     first_periods = np.flatnonzero(np.diff(revolutions, prepend=-1))
     start_theta = np.concatenate([record.theta[:-1] for record in records])[first_periods]

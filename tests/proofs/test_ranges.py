@@ -44,7 +44,7 @@ def test_a_range_towards_lower_tuning_has_ascending_ends():
 
 def test_a_range_without_length_orbit_or_proof_is_refused():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.7)
-    with pytest.raises(ValueError, match="another tuning"):
+    with pytest.raises(ValueError, match="different from the tuning"):
         gearlib.certify_range(orbit, to=0.7)
     moved = replace(orbit, state=orbit.state + 1e-6)
     assert gearlib.certify_range(moved, to=0.71).status == "distance"

@@ -25,9 +25,10 @@ _MAX_TIME_RADIUS = 2.0**-30
 
 
 def propagated(matrix: Any, columns: Any, time: Any) -> Any:
-    """Return the product exp(matrix time) columns for matrices of balls and a time, a ball.
+    """Return exp(matrix time) columns, the solution of z' = matrix z after a time for each column.
 
-    If the ball `time` is wide, the mean value theorem gives a narrower result.
+    Matrices and time have balls (intervals) as entries. If the ball `time` is wide, the mean value
+    theorem gives a narrower result.
     """
     if not time.rad() > _MAX_TIME_RADIUS:
         return (matrix * time).exp() * columns
@@ -139,7 +140,7 @@ class ArcDynamics:
     def _accelerations(self, forces: np.ndarray) -> np.ndarray:
         """Return the accelerations of the retained coordinates under forces on all coordinates.
 
-        Forces have the shape (n, k) and accelerations (e, k), with a column for each of k cases.
+        Forces have the shape (n, k) and accelerations (e, k), with a column for each load case.
         """
         return np.array((self._accelerance * matrix_of(forces)).tolist())
 
@@ -260,10 +261,12 @@ def _modes(model, ball_model: Any) -> tuple:
         return np.zeros((1, 0)), frequency, np.eye(1)
     structure = model.train.structure
     mesh_rows = structure.lines
-    spring_rows, stiffness = structure.springs
-    mesh_stiffness = [mesh.max_stiffness for mesh in model.train.meshes]
-    springs = np.vstack([spring_rows, mesh_rows]), np.append(stiffness, mesh_stiffness)
-    modes = free_motions_and_modes(springs, structure.masses)
+    spring_rows, spring_stiffnesses = structure.springs
+    # Meshes are additional springs.
+    mesh_stiffnesses = [mesh.max_stiffness for mesh in model.train.meshes]
+    rows = np.vstack([spring_rows, mesh_rows])
+    stiffnesses = np.append(spring_stiffnesses, mesh_stiffnesses)
+    modes = free_motions_and_modes((rows, stiffnesses), structure.masses)
     frequencies = np.sqrt(modes.squared_frequencies) / float(ball_model.frequency)
     return modes.free_motions, frequencies, modes.shapes
 

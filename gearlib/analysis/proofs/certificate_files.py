@@ -116,7 +116,7 @@ class Certificate(_OrbitClaim):
     claim = "orbit"
 
     def _text_rows(self) -> list[tuple]:
-        """Return (name, value) of the quantities in the text of the certificate."""
+        """Return the rows (name, value) of proven quantities in the text of the certificate."""
         return [
             ("displacement", self.displacement),
             ("velocity", self.velocity),
@@ -147,7 +147,7 @@ class TrainCertificate(_OrbitClaim, TrainDescription):
     claim = "train"
 
     def _text_rows(self) -> list[tuple]:
-        """Return (name, value) of the quantities in the text of the certificate."""
+        """Return the rows (name, value) of proven quantities in the text of the certificate."""
         contacts = zip(self.meshes, self.contacts, strict=True)
         texts = [f"{mesh} in {_CONTACT_NAMES[code]}" for mesh, code in contacts]
         rows = [("at tau = 0", ", ".join(texts))]
@@ -193,7 +193,7 @@ class RangeCertificate(_Claim):
     _tuning_format = "every tuning from {0.start!r} to {0.stop!r}"
 
     def _text_rows(self):
-        """Return (name, value) of the quantities in the text of the certificate."""
+        """Return the rows (name, value) of proven quantities in the text of the certificate."""
         rows = [("not reached", f"from {low!r} to {high!r}") for low, high in self.missing]
         return [("contacts", _contact_names(self.pattern)), *rows]
 

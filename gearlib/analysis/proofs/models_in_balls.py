@@ -49,13 +49,14 @@ class MeshTiming(NamedTuple):
     def changes(self) -> set[Fraction]:
         """Return the phases in mesh periods at which the stiffness or sliding direction changes."""
         phases = set()
+        # The upper level of the stiffness lasts for the fraction `overlap` of a mesh period.
         if self.has_switches and 0 < self.overlap < 1:
             for middle in self.phases:
                 phases |= {middle + self.overlap / 2, middle - self.overlap / 2}
         if self.has_friction:
             for pitch_phase in self.pitch_phases:
-                reversal = self.phases[DRIVE_SIDE] + pitch_phase
-                phases |= {reversal, reversal + Fraction(1, 2)}
+                pitch_point = self.phases[DRIVE_SIDE] + pitch_phase
+                phases |= {pitch_point, pitch_point + Fraction(1, 2)}
         return phases
 
     def condition(self, side: int, phase: Fraction) -> tuple[int, int]:

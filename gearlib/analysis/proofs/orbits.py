@@ -234,17 +234,19 @@ class Proof:
                 raise ProofFailed(*krawczyk.WRONG_DERIVATIVE)
 
     def _newton_solution(self, state: list, events: list[tuple]) -> tuple[list, Any]:
-        """Solve the equations of the orbit by Newton's method, and set the path of the solution.
+        """Solve the equations of the orbit by Newton's method, and set `path` to its `Path`.
 
-        Return (zero of the equations, inverse of their Jacobian matrix). `state` is the initial
-        (y, dy/dtheta), and `events` the contact events, which are reordered if necessary.
+        `state` is (y, dy/dtheta) of the candidate at tau = 0, and `events` are its contact events,
+        which are sorted again if their phases have changed their order. Return (zero of the
+        equations, inverse of their Jacobian matrix).
         """
         for _ in range(_MAX_ORDERS):
             self.path = Path(self.dynamics, self.codes, events, self.orbit.period)
             centre, inverse = krawczyk.polish(self.path.equations, state + self.path.initial_phases)
             state, phases = centre[: len(state)], centre[len(state) :]
             # Coincident contact events may have any order.
-            if all(phase - next_ < smallest_interval() for phase, next_ in pairwise(phases)):
+            differences = [phase - next_phase for phase, next_phase in pairwise(phases)]
+            if all(difference < smallest_interval() for difference in differences):
                 break
             order = sorted(range(len(phases)), key=lambda i: phases[i])
             events = [(phases[i], *events[i][1:]) for i in order]
@@ -333,7 +335,7 @@ def certify_range(orbit, *, to: Tuning, max_seconds: MaxSeconds = None):
         A result of `gearlib.periodic_orbit` for a model of `gearlib.certify` without harmonics of
         load, deviation or run-out. The proof does not rely on any of its numbers.
     to : float
-        Tuning at the end of the range, above or below that of the orbit.
+        Tuning at the end of the range, above or below the tuning of the orbit.
     max_seconds : float, optional
         Seconds after which the call returns the certificate of the range that is proven by then;
         its `missing` is the interval that is not proven, and `complete` is False.
@@ -353,7 +355,7 @@ def certify_range(orbit, *, to: Tuning, max_seconds: MaxSeconds = None):
         If python-flint is not installed.
     """
     check_orbit(orbit)
-    checks.require(to != orbit.tuning, "to", to, "another tuning than that of the orbit")
+    checks.require(to != orbit.tuning, "to", to, "different from the tuning of the orbit")
     limit = Limit(max_seconds)
     flint()
     try:
@@ -384,14 +386,14 @@ class _Range:
             text = "a range of tunings with nearly coincident contacts is not supported"
             raise ProofFailed(COINCIDENT, text)
         #: Enclosure of the orbit at the last proven tuning, a list of balls.
-        self.reached = proof.box
+        self.last_orbit = proof.box
 
     def path(self, inverse_tuning: Any) -> Path:
         """Return the path of the last proven orbit at other tunings.
 
         `inverse_tuning` is a ball that contains their 1 / nu.
         """
-        phases = self.reached[self.dynamics.state_count :]
+        phases = self.last_orbit[self.dynamics.state_count :]
         events = [(phase, *event[1:]) for phase, event in zip(phases, self.events, strict=True)]
         return Path(self.dynamics, self.codes, events, self.orbit.period, inverse_tuning)
 
@@ -414,7 +416,7 @@ class _Range:
             inverse_end = 1 / arb(end)
             inverse_tuning = (1 / arb(tuning)).union(inverse_end)
             try:
-                stability, self.reached, box = self._prove_piece(
+                stability, self.last_orbit, box = self._prove_piece(
                     inverse_tuning, inverse_end, stability
                 )
             except ProofFailed as failed:
@@ -449,7 +451,7 @@ class _Range:
         ((stability, reason), enclosure of the orbit at its end, (centre, radii) of its box).
         """
         path, n = self.path(inverse_tuning), self.dynamics.state_count
-        zero, inverse = krawczyk.polish(self.path(inverse_tuning.mid()).equations, self.reached)
+        zero, inverse = krawczyk.polish(self.path(inverse_tuning.mid()).equations, self.last_orbit)
         # An independent program can read the exact floats of the centre.
         centre_floats = [float(value) for value in zero]
         centre = list(map(flint().arb, centre_floats))
@@ -474,7 +476,7 @@ class _Range:
         full_box = list(map(flint().arb, centre, radii))
         system = self.path(inverse_end).equations
         next_orbit = krawczyk.enclose(system, *krawczyk.polish(system, centre))
-        for orbit_at_end in (self.reached, next_orbit):
+        for orbit_at_end in (self.last_orbit, next_orbit):
             if not all(map(flint().arb.contains_interior, full_box, orbit_at_end)):
                 raise ProofFailed(*krawczyk.FOLD)
         return stability, next_orbit, (tuple(centre_floats), tuple(radii))

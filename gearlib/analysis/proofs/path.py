@@ -86,8 +86,11 @@ class Path:
         """
         self.dynamics, self.codes = dynamics, tuple(codes)
         self.inverse_tuning = 1 / dynamics.tuning if inverse_tuning is None else inverse_tuning
-        #: Nodes; indices of the nodes at ends of common periods; approximate phases of contacts.
-        self.nodes, self.period_ends, self.initial_phases = [], [], []
+        self.nodes: list = []
+        #: Indices of the nodes at the ends of periods of the excitation.
+        self.period_ends: list = []
+        #: Approximate phases of the contact events.
+        self.initial_phases: list = []
         self._set_nodes(events, period)
         self.arcs: list = []
         frame, last_phase = identity(dynamics.size), 0
@@ -103,7 +106,8 @@ class Path:
     def _set_nodes(self, events: list[tuple], period: int) -> None:
         """Create the nodes of the path: switches of the stiffness, contact events and the end.
 
-        The contact events have the entries of `__init__`; `period` is in mesh periods.
+        `events` are the sorted contact events (phase since tau = 0 in rad, index of the mesh, code
+        before, code after, ...); `period` is the period of the motion in mesh periods.
         """
         arb, dynamics, codes = flint().arb, self.dynamics, list(self.codes)
         mesh_period = 2 * arb.pi()
@@ -168,7 +172,7 @@ class Path:
         """Return the initial state and its derivatives by the unknowns as columns.
 
         They are modal components, shape (size, 1 + unknown_count). `state` is (y, dy/dtheta) at
-        tau = 0, which is also the list of the first unknowns.
+        tau = 0, where theta = tau / nu; its entries are the first unknowns.
         """
         cosines_and_sines = [1, 0] * len(self.dynamics.harmonic_columns)
         columns = flint().arb_mat(self.dynamics.size, 1 + unknown_count)
@@ -181,10 +185,10 @@ class Path:
     def equations(self, unknowns: list) -> tuple[list, list, list, list]:
         """Return (residuals, rows of their derivatives, arcs, end states) of the orbit equations.
 
-        The unknowns are (y, dy/dtheta) at tau = 0 and the phases of the contact events, as balls.
-        The residuals are the flank distances at the contact events, and the change of (y,
-        dy/dtheta) over the period. Arcs are (initial modal state, duration), and end states are
-        the modal states at all nodes.
+        The unknowns are (y, dy/dtheta) at tau = 0, where theta = tau / nu is mesh phase over
+        tuning, and the phases of the contact events, all as balls (intervals). The residuals are
+        the flank distances at the contact events, and the change of (y, dy/dtheta) over the period.
+        Arcs are (initial modal state, duration), and end states are the modal states at all nodes.
         """
         dynamics, inverse_tuning, n = self.dynamics, self.inverse_tuning, self.dynamics.state_count
         # The columns are the state and its derivatives by the unknowns.
@@ -264,7 +268,10 @@ class Windows:
     """A `Path` with windows: time intervals around contact events without a proven order."""
 
     def __init__(self, path: Path, contact_phases: list):
-        """Group the nodes of a `Path` by the sorted phases of its contact events, balls."""
+        """Group the nodes of a `Path`: contact events without a proven order share a window.
+
+        `contact_phases` are the sorted phases of its contact events, as balls.
+        """
         self.path, self.dynamics = path, path.dynamics
         #: (indices of the nodes in the same window, phase)
         self.groups: list = []
