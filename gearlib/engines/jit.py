@@ -80,8 +80,8 @@ def kernel_without_refcounts(function):
     """Compile a function without reference counts; it must neither create nor return arrays.
 
     Each access to a tuple of arrays would change a reference count that all threads share, which
-    costs more than the sums in inner loops. ``_nrt`` and ``forceinline`` are named everywhere,
-    because numba passes on options that are not named to the kernels that a kernel calls.
+    costs more than the sums in inner loops. All decorators set ``_nrt`` and ``forceinline``,
+    because a kernel inherits options that are not set from the kernel that calls it.
     """
     return numba.njit(_nrt=False, forceinline=False, **_NUMBA_OPTIONS)(function)
 

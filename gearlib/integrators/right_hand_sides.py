@@ -218,7 +218,10 @@ class PiecewiseLinear(_RightHandSide):
     """
 
     def __init__(self, model, tuning: float):
-        """Store the linear system of a model at a tuning (mesh / natural frequency)."""
+        """Store the linear system of a model at a tuning (mesh / natural frequency).
+
+        Flank distances are linear in the full state: the state, the constant 1 and the harmonics.
+        """
         self.propagator = model.propagator(tuning)
         self.system, self._constants = self.propagator.complete_system()
         system, size = self.system, model.size

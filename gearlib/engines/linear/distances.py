@@ -154,7 +154,11 @@ def _fill_signed_distance(curve, offset, sign, b, count):
 
 @kernel_without_refcounts
 def distance_rounding(curves, y):
-    """Return the largest rounding error of a distance with Bernstein coefficients y @ curves."""
+    """Return a bound on the rounding error of a distance with Bernstein coefficients y @ curves.
+
+    y, shape (n,), is the modal state or a Taylor series, and `curves` has the shape (n, degree +
+    1), see `fill_curve`.
+    """
     magnitude, last = 0.0, curves.shape[1] - 1
     # In a piece of time a mode oscillates at most about once, so three coefficients suffice.
     for i in range(curves.shape[0]):

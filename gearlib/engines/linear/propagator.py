@@ -345,6 +345,7 @@ class SingleMeshPropagator(Propagator):
             z, raw, event_rows, span.max_events, summary[None], span[:2], first_period=first_period
         )
         summary[[orbit.X_MAX, orbit.X_MIN]] += self.drive_line
+        # The final state, with the constant 1 and the harmonics at the end of the run.
         state = np.ones(self.components)
         state[: z.size] = z * self.scale
         phase = 2.0 * math.pi * (first_period + span.periods) * self.system.harmonics

@@ -52,7 +52,8 @@ def _add_extrema(curve, is_displacement, stiffness, work, row):
 def _fill_distance(tables, combination, side, j, work):
     """Fill `work.curve` with the Bernstein coefficients of mesh j's distance from a flank line.
 
-    `combination` is a row of `tables` (`Modes`), or SERIES; `side` is 0 (coast) or 1 (drive).
+    `combination` is a row of `tables` (`Modes`) for the modal state ``work.mode_buffer``, or SERIES
+    for the series ``work.distance_series``; `side` is 0 for the coast and 1 for the drive side.
     """
     if combination == SERIES:
         fill_curve(work.to_bernstein, work.distance_series[side, j], work.curve)

@@ -124,13 +124,14 @@ def _value_and_slope(course: np.ndarray, time: float) -> tuple[float, float]:
 def run_courses(
     runner, pieces, state, samples_per_period, max_events, base_acceleration, periods_per_block
 ):
-    """Run a propagator through a list of `CoursePiece`; yield an `IntervalRecord` at a time.
+    """Run a propagator through the pieces of speed and load courses; yield `IntervalRecord`s.
 
-    `runner` is the propagator; a failed run ends after its record. `state`, shape (2 N,), has
-    velocities by theta and changes in place. Each mesh period has `samples_per_period` samples at
-    equal steps of time and at most `max_events` contact events. `base_acceleration`, shape (N,), is
-    the acceleration of the coordinates by theta due to d2tau/dtheta2 = 1. A record has a summary
-    for each block of `periods_per_block` mesh periods.
+    `runner` is the propagator, and `pieces` is a list of `CoursePiece`. If the run fails, the
+    record with its status is the last one. `state`, shape (2 N,), has velocities by theta and
+    changes in place. Each mesh period has `samples_per_period` samples at equal steps of time and
+    at most `max_events` contact events. `base_acceleration`, shape (N,), is the acceleration of the
+    coordinates by theta due to d2tau/dtheta2 = 1. A record has a summary for each block of
+    `periods_per_block` mesh periods.
     """
     for piece in pieces:
         runner.set_piece(piece, base_acceleration)
@@ -306,7 +307,10 @@ class _CourseRunMixin:
         return _system_with_chirps(self.base_system, system_at_tuning_2, self.model.size)
 
     def take_tables(self):
-        """Return mode tables for a run. Without constant speed, harmonics need Taylor series."""
+        """Return mode tables for a run, which it does not use if there are harmonics.
+
+        While the speed changes, harmonics are integrated by Taylor series only.
+        """
         tables = super().take_tables()  # type: ignore[misc]
         if self.base_system.harmonics.size:
             tables.mode_cost[0] = _UNREACHABLE_COST
@@ -384,11 +388,8 @@ class _CourseRunMixin:
         sample_times = interval_lengths[:, None] * np.arange(samples_per_period)
         sample_times = (sample_times / max(samples_per_period, 1)).ravel()
         self._set_segments(intervals, lengths, samples_per_period * np.arange(count + 1))
-        bounds, system, coordinate_count = (
-            intervals.bounds(piece, lengths),
-            self.system,
-            state.size // 2,
-        )
+        bounds, system = intervals.bounds(piece, lengths), self.system
+        coordinate_count = state.size // 2
         m = len(system.drive_lines)
         raw = self.empty_raw_samples(len(sample_times))
         raw[:, -1] = sample_times

@@ -57,8 +57,9 @@ class TrainSystem(NamedTuple):
 def fill_system_matrix(system, effects, matrix):
     """Fill `matrix`, shape (n, n), with the matrix A of the equation of motion z' = A z.
 
-    `system` is the `TrainSystem`; `effects`, int, shape (m,), has the number of the contact effect
-    of each mesh.
+    `system` is the `TrainSystem`. `effects`, int, shape (m,), has the number of the contact effect
+    of each mesh, which stands for its contact and stiffness level. Each mesh adds the outer
+    products of its two forces, mesh force and friction.
     """
     for r in range(matrix.shape[0]):
         for i in range(matrix.shape[0]):
@@ -99,7 +100,7 @@ def matrix_vector_product(matrix, z):
 
 @kernel_without_refcounts
 def dot(row_vector, z):
-    """Return the scalar product of z, shape (n,), and a row vector, shape (n,) or longer."""
+    """Return the scalar product of z, shape (n,), and the first n entries of a row vector."""
     total = 0.0
     for r in range(z.shape[0]):
         total += row_vector[r] * z[r]

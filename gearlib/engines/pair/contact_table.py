@@ -119,7 +119,8 @@ def fill_table(level, row, table):
 def advance_by_responses(levels, i, u, v, x, s):
     """Return displacement and velocity of a motion in contact, from (u, v), at a later time.
 
-    x and s are the fundamental solutions X and S at that time. Row i of `levels` holds the
+    x and s are the fundamental solutions X and S at that time: X starts with displacement 1 and
+    velocity 0, S with displacement 0 and velocity 1. Row i of `levels` holds the
     constants of the stiffness level, and displacements count from its equilibrium.
     """
     return u * x + v * s, v * (x - levels[i, DAMPING] * s) - levels[i, STIFFNESS] * u * s

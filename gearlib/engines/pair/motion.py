@@ -129,7 +129,8 @@ def level_at_tuning(stiffness, damping, tuning):
 def propagators(level, t):
     """Return the fundamental solutions C and S of a stiffness `Level` after the time t.
 
-    Under-damped they are C = exp(-a t) cos(w t) and S = exp(-a t) sin(w t) / w.
+    With the decay rate a and the damped frequency w of the level, they are C = exp(-a t) cos(w t)
+    and S = exp(-a t) sin(w t) / w if it is under-damped.
     """
     if level.damping_kind == UNDERDAMPED:
         decay = math.exp(-level.decay_rate * t)
@@ -148,7 +149,7 @@ def propagators(level, t):
 def evolve(level, u, v, t):
     """Return displacement and velocity of a motion in contact, from (u, v), after the time t.
 
-    Displacements count from the equilibrium of the stiffness `Level`.
+    The displacement u and the returned displacement count from the equilibrium of the `Level`.
     """
     c, s = propagators(level, t)
     q = level.decay_rate * v + level.natural_squared * u
@@ -247,9 +248,10 @@ _MAX_NEWTON_STEPS = 60
 
 @inlined_kernel
 def _phi_series(z):
-    """Return phi1, phi2 and phi3 of `phi_functions` at a small z >= 0 by Taylor series.
+    """Return the functions phi1, phi2 and phi3 at a small z >= 0 by Taylor series.
 
-    The series are truncated where z^13 / 15! < 1e-16.
+    phi1 = (1 - exp(-z)) / z, phi2 = (1 - phi1) / z, phi3 = (1/2 - phi2) / z. The series are
+    truncated where z^13 / 15! < 1e-16.
     """
     series = 1.0 / 87178291200.0
     series = 1.0 / 6227020800.0 - z * series
@@ -284,14 +286,20 @@ def phi_functions(z):
 
 @kernel
 def free_flight(drag, load, x, v, t):
-    """Return displacement and velocity of x'' + 2 drag x' = load, from (x, v), after the time t."""
+    """Return displacement and velocity of a free flight, from (x, v), after the time t.
+
+    The equation of motion is x'' + 2 drag x' = load.
+    """
     exponential, phi1, phi2, _ = phi_functions(2.0 * drag * t)
     return x + t * (v * phi1 + load * t * phi2), v * exponential + load * t * phi1
 
 
 @kernel
 def lowest_point_time(drag, load, v):
-    """Return the time of the lowest point of x'' + 2 drag x' = load with initial velocity v < 0."""
+    """Return the time until the lowest point of a free flight with initial velocity v < 0.
+
+    The equation of motion is x'' + 2 drag x' = load.
+    """
     if drag == 0.0:
         return -v / load
     return math.log1p(-2.0 * drag * v / load) / (2.0 * drag)

@@ -62,7 +62,10 @@ def unsettled():
 
 @kernel
 def _state_norm(mesh, x, v):
-    """Return the norm of a state (x, v) in static deflections, with velocities in natural time."""
+    """Return the norm of a state (x, v) in static deflections, with the velocity in natural time.
+
+    `mesh` holds the `PairConstants` with the tuning.
+    """
     return math.hypot(x, mesh.tuning * v)
 
 
@@ -158,7 +161,7 @@ def matrix_product(a, b):
 def _map_norm(mesh, matrix):
     """Return the Frobenius norm of a 2 x 2 map with velocities in natural time.
 
-    `matrix` is the map as a tuple by rows.
+    `matrix` is the map as a tuple by rows; `mesh` holds the `PairConstants` with the tuning.
     """
     upper, lower = matrix[1] / mesh.tuning, matrix[2] * mesh.tuning
     return math.sqrt(matrix[0] * matrix[0] + upper * upper + lower * lower + matrix[3] * matrix[3])
@@ -168,7 +171,7 @@ def _map_norm(mesh, matrix):
 def power_sum_bound(mesh, matrix):
     """Return an upper bound of 1 + |M| + |M^2| + ..., infinity if M hardly contracts.
 
-    `matrix` is the 2 x 2 map M, a tuple by rows.
+    `matrix` is the 2 x 2 map M, a tuple by rows; `mesh` holds the `PairConstants`.
     """
     total = 1.0
     for _ in range(_DOUBLINGS):

@@ -220,7 +220,8 @@ def expand_motion(
 ):
     """Fill the Taylor series of the motion that starts from (x, v) at a phase of a segment.
 
-    `constants` and `harmonics` come from `tabulate_mesh`. The contact code and the sign of the
+    `constants` and `harmonics` come from `tabulate_mesh`; `segment` is the index of the stiffness
+    segment. The contact code and the sign of the
     velocity do not change in the step. `series`, shape (ROWS, ORDER + 1), receives `term_count` <=
     ORDER coefficients of the velocity beyond the first.
     """

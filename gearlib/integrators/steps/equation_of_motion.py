@@ -87,7 +87,10 @@ def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
 
 @inlined_kernel
 def contact_forces(contact_law: ContactLaw, contact_code: int, x: float, v: float) -> tuple:
-    """Return (elastic force over stiffness g, damping force) for a contact code, not smoothed."""
+    """Return (elastic force over stiffness g, damping force) without smoothing.
+
+    x is the displacement and v the velocity of the mesh; the contact code determines the flank.
+    """
     is_touching, contact_x, damping = contact_terms(contact_law, contact_code)
     g = is_touching * _force_over_stiffness(contact_law, x - contact_x)
     return g, damping_force(damping, v)
@@ -95,7 +98,11 @@ def contact_forces(contact_law: ContactLaw, contact_code: int, x: float, v: floa
 
 @inlined_kernel
 def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
-    """Return (elastic force over stiffness g, contact factor H1 + H2) of the smoothed law."""
+    """Return (elastic force over stiffness g, contact factor H1 + H2) of the smoothed contact law.
+
+    H1 and H2 change smoothly from 0 to 1 where the displacement x comes into contact on the drive
+    side and on the coast side.
+    """
     sharpness, drive_x = contact_law.sharpness, contact_law.drive_x
     coast_x, h2 = contact_law.coast_x, 0.0
     h1 = 0.5 * (1.0 + math.tanh(sharpness * (x - drive_x)))
@@ -259,7 +266,8 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
 
     The state, shape (2 N,), holds displacements, then velocities by theta. In `system`, `starts`
     bounds the stiffness segments; the rows of `drive_lines` and `coast_lines`, (m, n), times the
-    full state are the distances of the m meshes from their flanks.
+    full state, which includes the constant 1 and the harmonics, are the distances of the m meshes
+    from their flanks.
     """
     size = state.shape[0]
     full_state, derivative = np.empty(system.base_matrix.shape[0]), np.empty(size)
@@ -313,7 +321,7 @@ def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndar
 
 @kernel
 def set_harmonics_of_states(frequencies: np.ndarray, states: np.ndarray, phases: np.ndarray):
-    """Set the constant 1 and the harmonics in full states.
+    """Set the constant 1 and the harmonics in full states, after their coordinates and velocities.
 
     `states`, shape (k, n), are at the `phases`, shape (k,); `frequencies`, shape (h,), are by
     phase.
