@@ -26,16 +26,20 @@ class InputError(ValueError):
 
 
 def problem_of(value_text, requirement):
-    """Return the end of a sentence about a wrong value, after its place."""
+    """Return the end of a sentence about a wrong value, which begins with the name of the value.
+
+    `value_text` is the value as text, `requirement` says which values are allowed.
+    """
     return f"= {value_text} is not allowed: it must be {requirement}"
 
 
 @contextmanager
 def below(section, owner="", **names):
-    """Return a context that puts the paths of errors below a section such as "gears.wheel".
+    """Return a context in which paths of `InputError`s are completed by a section.
 
-    `names` maps paths or their first names to places of their own; values without such a name are
-    those of `owner`, if it is given.
+    In the section "gears.wheel", an error of "module" becomes an error of "gears.wheel.module".
+    `names` maps paths, or first names of paths, to complete places, which replace them. `owner` is
+    the part, such as "body sun", that has the other values.
     """
     try:
         yield
@@ -52,29 +56,36 @@ def below(section, owner="", **names):
 
 
 def refusal(name, value, allowed, owner=""):
-    """Return the error for a wrong value; the text `allowed` says what it must be."""
+    """Return the `InputError` for a wrong value.
+
+    `name` is the place of the value, the text `allowed` says what it must be, `owner` is the part
+    that has it.
+    """
     return InputError(name, value, allowed, owner=owner)
 
 
 def require(condition, name, value, allowed, owner=""):
-    """Raise the error of `refusal` unless the condition holds."""
+    """Raise the `InputError` of a wrong value unless the condition holds, see `refusal`."""
     if not condition:
         raise refusal(name, value, allowed, owner)
 
 
-def exactly_one(first_name, first, second_name, second):
-    """Raise an error unless one of two values is None, and the other is not."""
-    if first is None and second is None:
-        problem = f"and {second_name} are missing: one of the two must be given"
-        raise InputError(first_name, problem=problem)
-    if first is not None and second is not None:
-        values = f"= {first!r} with {second_name} = {second!r}"
+def exactly_one(name, value, other_name, other_value):
+    """Raise an error unless exactly one of two values is given, the other being None."""
+    if value is None and other_value is None:
+        problem = f"and {other_name} are missing: one of the two must be given"
+        raise InputError(name, problem=problem)
+    if value is not None and other_value is not None:
+        values = f"= {value!r} with {other_name} = {other_value!r}"
         problem = f"{values} is not allowed: it must be one of the two"
-        raise InputError(first_name, first, problem=problem)
+        raise InputError(name, value, problem=problem)
 
 
 def checked_speed(name, value, resonance_speed):
-    """Return a finite speed in rpm, or raise an error unless its tuning is allowed."""
+    """Return the speed `value`, rpm, or raise an error unless its tuning is allowed.
+
+    The tuning is the ratio of the speed to `resonance_speed`, rpm.
+    """
     low, high = MIN_SPEED_TUNING * resonance_speed, MAX_SPEED_TUNING * resonance_speed
     limits = f"from {low:.3g} to {high:.3g} rpm, a tuning of at most {MAX_SPEED_TUNING:g}"
     allowed = f"a finite number > 0, {limits}"
@@ -83,7 +94,10 @@ def checked_speed(name, value, resonance_speed):
 
 
 def require_damping(value, owner=""):
-    """Return the damping in contact, or raise ValueError if it is None; `owner` is " of mesh a"."""
+    """Return the damping in contact, `value`, or raise ValueError if it is None.
+
+    `owner` is the end of its name in the message, such as " of mesh a".
+    """
     if value is None:
         raise ValueError(
             f"damping_ratio{owner} is missing: it must be a finite number >= 0 and < 1 where gears "
@@ -93,7 +107,10 @@ def require_damping(value, owner=""):
 
 
 def is_one_of(value, choices):
-    """Return whether `value` is one of `choices`; tables, whose == gives no bool, are none."""
+    """Return whether `value` is one of `choices`, False if it is not hashable.
+
+    Arrays and tables, for example, are not hashable, and their == returns no bool.
+    """
     return isinstance(value, Hashable) and value in tuple(choices)
 
 
@@ -104,9 +121,13 @@ def one_of(name, value, choices):
 
 
 def sequence(name, values, length=None, allowed="a sequence of numbers"):
-    """Return an iterable as a list, or raise ValueError if it has not this length."""
+    """Return an iterable as a list, or raise ValueError if it is not a sequence of this length.
+
+    `name` is the place of `values`. With None as `length` any length is allowed, and `allowed` says
+    in the message what the values must be.
+    """
     allowed = allowed if length is None else f"{length} values"
-    # Their entries are letters, names or in no order.
+    # Entries of these types are letters, names or unordered.
     if isinstance(values, str | bytes | Mapping | set | frozenset):
         raise refusal(name, values, allowed)
     try:
@@ -118,22 +139,27 @@ def sequence(name, values, length=None, allowed="a sequence of numbers"):
 
 
 def options(value):
-    """Return options, a mapping or None, as a dict, else raise ValueError."""
+    """Return `value`, a mapping of options or None, as a dict, else raise ValueError."""
     require(isinstance(value, Mapping | None), "options", value, "a mapping of names")
     return dict(value or {})
 
 
 def gear_stage(value, name="stage", alternative=""):
-    """Return a `gearlib.geometry.GearStage`, else raise ValueError; `alternative` is " or a
-    dict"."""
+    """Return `value` if it is a `gearlib.geometry.GearStage`, else raise ValueError.
+
+    `alternative` is a text such as " or a dict", for callers that also take other values.
+    """
     allowed = f"a gearlib.geometry.GearStage{alternative}"
-    # The class itself would load the numerical stack.
+    # An import of the class would load the numerical stack.
     require(hasattr(value, "pair_parameters"), name, value, allowed)
     return value
 
 
 def train_of(model):
-    """Return the `GearTrain` of a train or of a pair in six degrees, else raise ValueError."""
+    """Return the `GearTrain` of a model, or raise ValueError.
+
+    Models that have one are trains and pairs in six degrees of freedom.
+    """
     train = getattr(model, "train", None)
     if train is None:
         allowed = "a GearTrain, because it needs bodies with torques and angles"
@@ -143,7 +169,7 @@ def train_of(model):
 
 
 def check_known_parameters(owner, names, known_names):
-    """Raise ValueError unless all `names` are among the `known_names` of parameters of `owner`."""
+    """Raise ValueError unless all `names` are parameters of the type `owner`, its `known_names`."""
     for name in names:
         if name not in known_names:
             problem = f"is not allowed: the parameters of a {owner} are {', '.join(known_names)}"

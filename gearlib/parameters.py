@@ -4,7 +4,7 @@
 
 pydantic checks the annotations of models (`declared`) and functions (`checked`). Docstrings, tables
 of the documentation, sections of the configuration with their schema, options of commands and
-sliders are made from them. This module loads no numerical stack.
+sliders are made from the annotations. This module loads no numerical stack.
 """
 
 import contextlib
@@ -59,8 +59,8 @@ def described(text: str, symbol: str = "") -> Any:
     return Field(description=text, title=symbol or None)
 
 
-# Parts of annotations that read values. Only in a configuration, whose validation has a context,
-# may a text stand for a number.
+# Parts of annotations that read values. A text may stand for a number only in a configuration,
+# whose validation has a context.
 
 
 @dataclass(frozen=True)
@@ -76,12 +76,17 @@ class Unit:
     infinite: str = ""
 
     def read(self, value: Any, info: ValidationInfo | None = None) -> float:
-        """Return a real number as float, in a configuration also from a text with a unit."""
+        """Return a real number as float, or raise ValueError.
+
+        `info` has the validation context. In a configuration, where there is a context, `value`
+        may also be a text with a unit.
+        """
         if isinstance(value, str) and info is not None and info.context is not None:
             try:
                 value = self._number_of(value)
             except ValueError:
-                raise ValueError from None  # the sentence is that about the annotation
+                # The error needs no text, because its sentence is made from the annotation.
+                raise ValueError from None
         if isinstance(value, Real) and not isinstance(value, bool):
             with contextlib.suppress(OverflowError):
                 number = float(value)
@@ -90,12 +95,15 @@ class Unit:
         raise ValueError
 
     def _number_of(self, text: str) -> float:
-        """Return the number of a text, which YAML does not convert if it is 4e8 or .inf."""
+        """Return the number that a text spells, in `unit`; NaN or ValueError if it spells none.
+
+        YAML reads numbers such as 4e8 as texts.
+        """
         if self.infinite and text == ".inf":
             return math.inf
-        if units.NUMBER.fullmatch(text) or self.unit == "1":
-            return float(text) if units.NUMBER.fullmatch(text) else math.nan
-        return units.read(text, self.unit)
+        if units.NUMBER.fullmatch(text):
+            return float(text)
+        return math.nan if self.unit == "1" else units.read(text, self.unit)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         return core_schema.with_info_before_validator_function(self.read, handler(source))
@@ -116,9 +124,9 @@ class Allowed:
 
 @dataclass(frozen=True)
 class Values:
-    """A sequence of values, of a certain number of them if `count` is given.
+    """A sequence of values, whose number must be `count` if this is given.
 
-    If `repeat`, a single value stands for each of them.
+    With `repeat` a single value stands for `count` equal values.
     """
 
     count: int | None = None
@@ -127,13 +135,14 @@ class Values:
     def read(self, values: Any) -> tuple | None:
         """Return the values as a tuple, or raise ValueError if they are no sequence."""
         if values is None:
-            return None  # allowed or not by the type
+            return None  # The type decides whether None is allowed.
         if self.repeat and not isinstance(values, (tuple, list)):
             values = (values,) * (self.count or 1)
         try:
             return tuple(checks.sequence("", values, self.count))
         except InputError:
-            raise ValueError from None  # the sentence is that about the annotation
+            # The error needs no text, because its sentence is made from the annotation.
+            raise ValueError from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
@@ -144,7 +153,10 @@ class Values:
 
 
 def _read_integer(value: Any, info: ValidationInfo) -> int:
-    """Return an integer, in a configuration also from a text."""
+    """Return an integer, or raise ValueError; in a configuration a text may spell it.
+
+    Only the validation of a configuration has a context in `info`.
+    """
     if isinstance(value, str) and info.context is not None and re.fullmatch(r"[-+]?\d+", value):
         value = int(value)
     if not isinstance(value, Integral) or isinstance(value, bool) or int(value) > _MAX_INTEGER:
@@ -153,14 +165,22 @@ def _read_integer(value: Any, info: ValidationInfo) -> int:
 
 
 def _read_boolean(value: Any, info: ValidationInfo) -> Any:
-    """Return a boolean, in a configuration also from a text."""
-    is_text = isinstance(value, str) and info.context is not None
-    return {"true": True, "false": False}.get(value.lower(), value) if is_text else value
+    """Return the boolean that a text in a configuration spells; return other values unchanged.
+
+    Only the validation of a configuration has a context in `info`.
+    """
+    if isinstance(value, str) and info.context is not None:
+        return {"true": True, "false": False}.get(value.lower(), value)
+    return value
 
 
 def _read_choice(value: Any, info: ValidationInfo) -> Any:
-    """Return a value that may be a choice, in a configuration an integer also from a text."""
-    if isinstance(value, bool):  # True is not 1
+    """Return `value` for a comparison with the choices of a parameter.
+
+    A text that spells an integer is converted in a configuration, whose validation has a context in
+    `info`. Booleans raise ValueError, because True would count as the choice 1.
+    """
+    if isinstance(value, bool):
         raise ValueError
     is_text = isinstance(value, str) and info.context is not None
     return int(value) if is_text and re.fullmatch(r"[-+]?\d+", value) else value
@@ -192,7 +212,7 @@ class Parameter:
 
     @functools.cached_property
     def number(self) -> Unit | None:
-        """The unit of a real number; None if it is no number, or several."""
+        """The unit of a real number; None for a parameter of another type, such as a list."""
         return _unit_of(self.annotation)
 
     @property
@@ -211,7 +231,7 @@ class Parameter:
 
     @property
     def long_name(self) -> str:
-        """The text up to the first comma, semicolon or equals sign, in lower case."""
+        """The text up to the first comma, semicolon or equals sign, with a small first letter."""
         name = re.split(r"[;,=]", self.text)[0].strip()
         return name[:1].lower() + name[1:]
 
@@ -223,7 +243,10 @@ class Parameter:
         return f"{', '.join(filter(None, (name_and_symbol, self.unit)))}{self.text[len(name) :]}."
 
     def check(self, name: str, value: Any) -> Any:
-        """Return a value in its stored type, or raise the `InputError` of a wrong one."""
+        """Return a value in its stored type, or raise an `InputError` if it is not allowed.
+
+        The error names the place `name`, and a place below it if an entry of the value is wrong.
+        """
         try:
             return self._adapter.validate_python(value)
         except ValidationError as error:
@@ -239,7 +262,10 @@ class Parameter:
 
 
 def check(name: str, value: Any, annotation: Any) -> Any:
-    """Return a value in its stored type, or raise the `InputError` of a wrong one."""
+    """Return a value in the type of an annotation, or raise an `InputError` if it is not allowed.
+
+    The error names the value `name`.
+    """
     return _parameter_of(annotation).check(name, value)
 
 
@@ -248,50 +274,52 @@ _parameter_of = functools.cache(Parameter)
 
 @functools.cache
 def declared_parameters(constructor: Any) -> dict[str, Parameter]:
-    """Return name -> `Parameter` of the declared parameters of a dataclass or function."""
+    """Return a dict: name -> `Parameter` of each declared parameter of a dataclass or function."""
+    parameters = {}
     if dataclasses.is_dataclass(constructor):
-        return {
-            field.name: Parameter(
-                field.type, MISSING if field.default is dataclasses.MISSING else field.default
+        for field in dataclasses.fields(constructor):
+            has_default = field.default is not dataclasses.MISSING
+            parameters[field.name] = Parameter(
+                field.type, field.default if has_default else MISSING
             )
-            for field in dataclasses.fields(constructor)
-            if _is_declared(field.type)
-        }
-    return {
-        name: Parameter(parameter.annotation, parameter.default)
-        for name, parameter in inspect.signature(inspect.unwrap(constructor)).parameters.items()
-        if _is_declared(parameter.annotation)
-    }
+    else:
+        for name, argument in inspect.signature(inspect.unwrap(constructor)).parameters.items():
+            parameters[name] = Parameter(argument.annotation, argument.default)
+    return {name: x for name, x in parameters.items() if _is_declared(x.annotation)}
 
 
 def _is_declared(annotation: Any) -> bool:
-    """Return whether an annotation says the allowed values, or allows None as well."""
+    """Return whether an annotation, or one of its alternatives, is an `Annotated` type."""
     options = get_args(annotation) if is_union(annotation) else (annotation,)
     return any(get_origin(option) is Annotated for option in options)
 
 
 def numeric_parameters(constructor: Any) -> dict[str, Parameter]:
-    """Return name -> `Parameter` of the declared parameters that are real numbers."""
+    """Return a dict: name -> `Parameter` of each declared parameter that is a real number."""
     return {name: x for name, x in declared_parameters(constructor).items() if x.number}
 
 
 def units_and_names(constructor: Any) -> dict[str, tuple[str, str]]:
-    """Return name -> (CF units, long name) of the declared parameters that are real numbers."""
+    """Return a dict: name -> (CF units, long name) of each declared real number."""
     numeric = numeric_parameters(constructor)
     return {name: (units.cf_units(x.unit), x.long_name) for name, x in numeric.items()}
 
 
-# Annotations taken apart.
+# Parts of annotations.
 
 
 def parts(annotation: Any) -> tuple[Any, tuple]:
-    """Return the type of an annotation and its metadata, without None as an alternative."""
+    """Return the type of an annotation without its metadata, and a tuple of all metadata.
+
+    None as the alternative of a single type is left out. Bounds in pydantic fields are among the
+    metadata.
+    """
     if get_origin(annotation) is Annotated:
-        base, *metadata = get_args(annotation)
-        inner, inner_metadata = parts(base)
+        annotated_type, *metadata = get_args(annotation)
+        base, inner_metadata = parts(annotated_type)
         fields = [x for x in metadata if isinstance(x, pydantic.fields.FieldInfo)]
         bounds = [bound for field in fields for bound in field.metadata]
-        return inner, (*inner_metadata, *metadata, *bounds)
+        return base, (*inner_metadata, *metadata, *bounds)
     options = [x for x in get_args(annotation) if x is not types.NoneType]
     if is_union(annotation) and len(options) == 1:
         return parts(options[0])
@@ -304,22 +332,23 @@ def is_union(annotation: Any) -> bool:
 
 
 def _item_of(annotation: Any) -> Any:
-    """Return the type of the items of a sequence, None for other types."""
+    """Return the type of the items if an annotation is a list or tuple, else None."""
     base, _ = parts(annotation)
     return get_args(base)[0] if get_origin(base) in (tuple, list) and get_args(base) else None
 
 
 def _unit_of(annotation: Any) -> Unit | None:
-    """Return the unit in an annotation of a real number, None for other types."""
+    """Return the `Unit` of an annotated real number, None for other types."""
     base, metadata = parts(annotation)
-    found = [x for x in metadata if isinstance(x, Unit)]
-    return found[-1] if found and base is float else None
+    unit_parts = [x for x in metadata if isinstance(x, Unit)]
+    return unit_parts[-1] if unit_parts and base is float else None
 
 
 def replace_class(annotation: Any, replace: Callable[[type], type]) -> Any:
-    """Return an annotation without None, and with another class in place of a part of models.
+    """Return an annotation in which `replace` has replaced the class of a part of a model.
 
-    Of several alternatives, parts of models are left out.
+    A part is a dataclass, such as a tip relief. None is left out as an alternative, and so are
+    parts if there are other alternatives.
     """
     base, metadata = parts(annotation)
     if is_union(base):
@@ -330,9 +359,10 @@ def replace_class(annotation: Any, replace: Callable[[type], type]) -> Any:
 
 
 def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
-    """Return (path, annotation) of the value at pydantic's location of an error below `root`.
+    """Return path and annotation of the value to which pydantic's location of an error refers.
 
-    The path ends where the annotation has alternatives, or no such name.
+    `root` is the type at which the location starts. The path ends where the type has alternatives
+    or no such name; the annotation belongs to the end of the path.
     """
     path: list = []
     for name in location:
@@ -354,15 +384,19 @@ def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
 
 
 def _section_of_kind(union: Any, kind: Any) -> Any:
-    """Return the section in a union whose key `kind` has this value, None if there is none."""
+    """Return the section of a union whose key `kind` may have the value `kind`, else None."""
     sections = (x for x in get_args(union) if kind in get_args(kinds([x])))
     return next(sections, None)
 
 
 def kinds(sections: Iterable) -> Any:
-    """Return the type of the key `kind` that chooses among sections."""
-    fields = (getattr(section, "__pydantic_fields__", {}).get("kind") for section in sections)
-    return Literal[tuple(x for field in fields if field for x in get_args(field.annotation))]
+    """Return the type of the key `kind` that chooses among sections: a Literal of all values."""
+    values: list = []
+    for section in sections:
+        field = getattr(section, "__pydantic_fields__", {}).get("kind")
+        if field:
+            values += get_args(field.annotation)
+    return Literal[tuple(values)]
 
 
 def dotted(path: tuple) -> str:
@@ -374,9 +408,9 @@ def dotted(path: tuple) -> str:
 
 
 def requirement(annotation: Any, in_file: bool = False) -> str:
-    """Return the allowed values of an annotation in words, such as "a finite number > 0".
+    """Return the values that an annotation allows, in words such as "a finite number > 0".
 
-    With `in_file` they are the values of a configuration, where texts may have units.
+    With `in_file` the words are about a configuration, where numbers may be texts with units.
     """
     base, metadata = parts(annotation)
     for part in reversed(metadata):
@@ -406,26 +440,27 @@ def requirement(annotation: Any, in_file: bool = False) -> str:
 
 
 def _number_in_words(base: type, metadata: tuple, in_file: bool) -> str:
-    """Return the allowed numbers in words, with their unit."""
+    """Return the allowed numbers in words, with their unit.
+
+    `base` is int or float, `metadata` has bounds and unit; `in_file` as in `requirement`.
+    """
     unit = next((x for x in reversed(metadata) if isinstance(x, Unit)), Unit("1"))
-    bounds = {
-        sign: getattr(x, name)
-        for kind, name, sign in (
-            (Gt, "gt", ">"),
-            (Ge, "ge", ">="),
-            (Lt, "lt", "<"),
-            (Le, "le", "<="),
-        )
-        for x in metadata
-        if isinstance(x, kind)
-    }
-    texts = {sign: _bound_in_words(bound) for sign, bound in bounds.items()}
+    texts = {}
+    for kind, name, sign in ((Gt, "gt", ">"), (Ge, "ge", ">="), (Lt, "lt", "<"), (Le, "le", "<=")):
+        for bound in metadata:
+            if isinstance(bound, kind):
+                texts[sign] = _bound_in_words(getattr(bound, name))
     if texts.keys() >= {">=", "<="}:
         limits = f"from {texts['>=']} to {texts['<=']}"
     else:
         limits = " and ".join(f"{sign} {text}" for sign, text in texts.items())
-    noun = "an integer" if base is int else "a number" if unit.infinite else "a finite number"
-    note = f"({unit.infinite})" if unit.infinite else "(rad)" if unit.unit == "rad" else ""
+    if base is int:
+        noun = "an integer"
+    else:
+        noun = "a number" if unit.infinite else "a finite number"
+    note = "(rad)" if unit.unit == "rad" else ""
+    if unit.infinite:
+        note = f"({unit.infinite})"
     if in_file and unit.unit != "1":
         infinity = "or .inf, " if unit.infinite else ""
         note = f"{infinity}in {unit.unit} or a text with its unit such as {unit.example!r}"
@@ -433,18 +468,25 @@ def _number_in_words(base: type, metadata: tuple, in_file: bool) -> str:
 
 
 def _list_in_words(item: Any, metadata: tuple, in_file: bool) -> str:
-    """Return the allowed lists in words."""
+    """Return the allowed lists in words.
+
+    `item` is the type of the entries, `metadata` has bounds of their number; `in_file` as in
+    `requirement`.
+    """
     values = next((x for x in metadata if isinstance(x, Values)), Values())
-    least = next((x.min_length for x in metadata if isinstance(x, MinLen)), 0)
-    most = next((x.max_length for x in metadata if isinstance(x, MaxLen)), None)
-    exact = values.count or (least if least == most else None)
-    count = f"{exact} entries" if exact else "at least one entry" if least else "entries"
+    min_length = next((x.min_length for x in metadata if isinstance(x, MinLen)), 0)
+    max_length = next((x.max_length for x in metadata if isinstance(x, MaxLen)), None)
+    length = values.count or (min_length if min_length == max_length else None)
+    if length:
+        entries = f"{length} entries"
+    else:
+        entries = "at least one entry" if min_length else "entries"
     single = "one value or " if values.repeat else ""
-    return f"{single}a list of {count}, each {requirement(item, in_file)}"
+    return f"{single}a list of {entries}, each {requirement(item, in_file)}"
 
 
 def _text_in_words(metadata: tuple) -> str:
-    """Return the allowed texts in words."""
+    """Return the allowed texts in words; `metadata` has their pattern or largest length."""
     for part in metadata:
         if pattern := getattr(part, "pattern", None):
             return f"a text matching {pattern}"
@@ -454,7 +496,7 @@ def _text_in_words(metadata: tuple) -> str:
 
 
 def _bound_in_words(value: float) -> str:
-    """Return a bound as text, with fractions such as "pi / 2"."""
+    """Return the bound of a number as text, with fractions such as "pi / 2" for angles."""
     if value == math.tau:
         return "2 pi"
     for n in (2, 3, 4):
@@ -468,39 +510,47 @@ def _bound_in_words(value: float) -> str:
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
-    """Return a decorator that makes an immutable dataclass, whose fields pydantic checks.
+    """Return a decorator that makes an immutable dataclass whose fields pydantic checks.
 
-    Its errors are `InputError`; the parameters are written into its docstring.
+    A wrong value raises an `InputError`. The docstring of the class gets a table of the parameters.
+    With `kw_only` all arguments are keyword arguments.
     """
 
     def decorate(cls: type[_T]) -> type[_T]:
-        made = pydantic.dataclasses.dataclass(frozen=True, kw_only=kw_only, config=STRICT)(cls)
-        initialize = made.__init__
-        names = [field.name for field in dataclasses.fields(made)]
+        """Return the dataclass for a class with annotated fields."""
+        dataclass_type = pydantic.dataclasses.dataclass(
+            frozen=True, kw_only=kw_only, config=STRICT
+        )(cls)
+        initialize = dataclass_type.__init__
+        names = [field.name for field in dataclasses.fields(dataclass_type)]
 
         def __init__(self, *args, **arguments):
             try:
                 initialize(self, *args, **arguments)
             except ValidationError as error:
-                given = dict(zip(names, args, strict=False)) | arguments
-                raise _input_error(error, made, given) from None
+                named_arguments = dict(zip(names, args, strict=False)) | arguments
+                raise _input_error(error, dataclass_type, named_arguments) from None
 
-        __init__.__module__ = cls.__module__  # for tools that read the code
-        made.__init__ = __init__
-        return documented(made)
+        __init__.__module__ = cls.__module__  # Tools that read the code look for its source there.
+        dataclass_type.__init__ = __init__
+        return documented(dataclass_type)
 
     return decorate
 
 
 def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exception:
-    """Return the first of pydantic's errors as `InputError`; wrong names are a TypeError."""
+    """Return the first error of pydantic as an `InputError`, or as a TypeError for a wrong name.
+
+    `cls` is the dataclass to be made, `arguments` are the named arguments.
+    """
     details = error.errors(include_url=False)[0]
     location, cause = details["loc"], details.get("ctx", {}).get("error")
     if not location and cause is not None:
-        return cause  # an error of `__post_init__`
+        return cause  # It was raised by `__post_init__`.
     names, problem = list(arguments), details["type"].replace("_", " ")
     if isinstance(location[0], int) and "unexpected" not in problem:
-        location = names[location[0]], *location[1:]  # pydantic counts positional arguments
+        # pydantic numbers positional arguments.
+        location = names[location[0]], *location[1:]
     path, annotation = place_of(cls, location)
     if problem == "missing" or not path:
         known = ", ".join(field.name for field in dataclasses.fields(cls))
@@ -508,7 +558,8 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
     value = arguments.get(path[0])
     for index in path[1:]:
         value = value[index] if isinstance(value, tuple | list) else details["input"]
-    name = arguments.get("name")  # of a body or mesh of a train
+    # Bodies and meshes of a train have names.
+    name = arguments.get("name")
     owner = f"{cls.__name__.lower()} {name}" if isinstance(name, str) else ""
     allowed = requirement(annotation) + unit_hint(value, annotation)
     return InputError(dotted(path), value, allowed, owner=owner)
@@ -517,13 +568,13 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
 def checked(function: Callable) -> Callable:
     """Decorate a function so that its declared arguments are checked and documented.
 
-    Defaults are not checked. Loops call the undecorated function, `function.__wrapped__`.
+    Defaults are not checked. Loops may call the function without checks, `function.__wrapped__`.
     """
     parameters = declared_parameters(function)
-    names = inspect.getfullargspec(function).args  # those that may be positional
+    positional_names = inspect.getfullargspec(function).args
 
     def checked_value(name: str, value: Any) -> Any:
-        """Return the value of an argument, in its stored type if it is declared."""
+        """Return the value of the argument `name`, in its stored type if it is declared."""
         parameter = parameters.get(name)
         if parameter is None or value is parameter.default:
             return value
@@ -531,14 +582,14 @@ def checked(function: Callable) -> Callable:
 
     @functools.wraps(function)
     def call(*args, **arguments):
-        checked_args = map(checked_value, names, args)
+        checked_args = map(checked_value, positional_names, args)
         arguments = {name: checked_value(name, value) for name, value in arguments.items()}
-        return function(*checked_args, *args[len(names) :], **arguments)
+        return function(*checked_args, *args[len(positional_names) :], **arguments)
 
     return documented(call)
 
 
-#: End of a docstring that has no such section of its own.
+#: End of a docstring without a section "Raises".
 _RAISES = """
 
 Raises
@@ -548,7 +599,11 @@ ValueError
 
 
 def documented(constructor: Any) -> Any:
-    """Write declared parameters into a docstring without a table, and types into the signature."""
+    """Complete the documentation of a class or function by its declared parameters; return it.
+
+    A docstring without a table of parameters gets one. Annotations in the signature are replaced by
+    plain types.
+    """
     text, parameters = inspect.getdoc(constructor) or "", declared_parameters(constructor)
     if "\nParameters\n---" not in text and any(x.text for x in parameters.values()):
         lines = ["", "Parameters", "----------"]
@@ -557,20 +612,22 @@ def documented(constructor: Any) -> Any:
             default = ", optional" if parameter.default is None else default
             lines.append(f"{name} : {parameter.allowed}{default}")
             lines.append(textwrap.indent(textwrap.fill(parameter.description, 92), "    "))
-        head, raises, errors = text.partition("\n\nRaises\n---")
-        constructor.__doc__ = "\n".join([head, *lines]) + (raises + errors or _RAISES)
+        summary, raises, errors = text.partition("\n\nRaises\n---")
+        constructor.__doc__ = "\n".join([summary, *lines]) + (raises + errors or _RAISES)
     signature = inspect.signature(constructor)
-    plain = [x.replace(annotation=_plain(x.annotation)) for x in signature.parameters.values()]
-    constructor.__signature__ = signature.replace(parameters=plain)
+    plain_parameters = [
+        x.replace(annotation=_plain(x.annotation)) for x in signature.parameters.values()
+    ]
+    constructor.__signature__ = signature.replace(parameters=plain_parameters)
     if inspect.isclass(constructor):
-        this = inspect.Parameter("self", inspect.Parameter.POSITIONAL_ONLY)
+        self_parameter = inspect.Parameter("self", inspect.Parameter.POSITIONAL_ONLY)
         initialize: Any = constructor.__init__
-        initialize.__signature__ = signature.replace(parameters=[this, *plain])
+        initialize.__signature__ = signature.replace(parameters=[self_parameter, *plain_parameters])
     return constructor
 
 
 def _plain(annotation: Any) -> Any:
-    """Return the type of an annotation and of its items, without what is allowed."""
+    """Return the type of an annotation and of its items, without metadata such as bounds."""
     base, item = parts(annotation)[0], _item_of(annotation)
     return base if item is None else get_origin(base)[(_plain(item), *get_args(base)[1:])]
 
@@ -580,9 +637,10 @@ _GEOMETRY_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 
 
 def unit_hint(value: Any, annotation: Any) -> str:
-    """Return "; did you mean 3 mm?" if `value` is beyond a bound in SI, but not in mm, else "".
+    """Return a hint on a wrong value such as "; did you mean 3 mm?", "" if there is none.
 
-    For an integer that no number of the computer can store, return the largest one.
+    There is a hint if a number is beyond its upper bound in SI, but not in a unit of gear geometry.
+    For an integer that compiled code cannot store, the hint is the largest integer.
     """
     base, metadata = parts(annotation)
     is_bounded = any(isinstance(part, Le) for part in metadata)
@@ -687,7 +745,7 @@ Decrement = Annotated[
 ContactDamping = Annotated[Damping | None, described("k_1 in contact, in place of damping_ratio")]
 BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in free flight, beta_m")]
 
-#: Method of integration -> its module in `gearlib.integrators`; a start reads the names alone.
+#: Method of integration -> its module in `gearlib.integrators`, which is imported when it is used.
 METHOD_MODULES = {
     "exact": "method",
     "taylor": "method",

@@ -1,8 +1,8 @@
 """Functions that plot datasets: `resonance`, `phase_plane`, `time_course` and others.
 
-All draw into ``axes``, or into those of a new pyplot figure, and return them, so that
-``axes.figure.savefig("curve.png")`` writes the plot. Style and code are those of the workflow's
-figures. Second scales are in SI units, which gear pairs that are defined by ratios do not have.
+All draw into ``axes``, or into axes of a new pyplot figure, and return them, so that
+``axes.figure.savefig("curve.png")`` writes the plot. The figures of the workflow have the same
+style and share the code. Second scales are in SI units; gear pairs defined by ratios have none.
 """
 
 import math
@@ -49,20 +49,20 @@ __all__ = [
 
 @style.styled()
 def resonance(*sweeps, axes=None, labels=None, variable=None):
-    """Draw resonance characteristics: lines for periodic motions, markers for others.
+    """Draw resonance characteristics, with lines for periodic motions and markers for others.
 
     Parameters
     ----------
     *sweeps : xarray.Dataset
-        Datasets returned by `gearlib.sweep`, or results of the project's workflow, which have a
-        curve for each damping and direction.
+        Datasets returned by `gearlib.sweep`, or results of the workflow, which have a curve for
+        each damping and direction.
     axes : matplotlib.axes.Axes, optional
         Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
         Legend label of each dataset; by default damping, direction and mesh where they differ.
     variable : str, optional
-        Name of a variable over the tuning; by default the largest and smallest displacement, or
-        for a gear train the largest over the static force of each mesh.
+        Name of a variable over the tuning; by default the largest and smallest displacement, or for
+        a gear train the ratio of the largest to the static force of each mesh.
 
     Returns
     -------
@@ -85,15 +85,17 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     axes.set_ylim(style.limits(*ranges))
     axes.set_xlim(style.limits(*(sweep.tuning for sweep in sorted_sweeps), margin=0.0))
     for number, (curve, sweep) in enumerate(zip(curves, sorted_sweeps, strict=True)):
-        marker_shift = number / len(curves)  # Keeps the markers of equal curves visible.
+        # Shifted markers of equal curves stay visible.
+        marker_shift = number / len(curves)
         resonance_figure.draw_sweep(
             axes, sweep, curve.style, marker_shift, names, label=curve.label
         )
     axes.set_xlabel(style.OWN_TUNING_LABEL)
     axes.set_ylabel(panels.axis_label(sorted_sweeps[0][names[0]], width=45))
-    speeds = {float(s.speed[-1] / s.tuning[-1]) for s in sorted_sweeps if "speed" in s}
-    if len(speeds) == 1 and plot_curves.have_si_units(curves):
-        style.second_scale(axes, speeds.pop(), panels.axis_label(sorted_sweeps[0].speed))
+    # The scale of speed is drawn if all curves have the same speed per tuning.
+    speed_ratios = {float(s.speed[-1] / s.tuning[-1]) for s in sorted_sweeps if "speed" in s}
+    if len(speed_ratios) == 1 and plot_curves.have_si_units(curves):
+        style.second_scale(axes, speed_ratios.pop(), panels.axis_label(sorted_sweeps[0].speed))
     if names == resonance_figure.EXTREMA:
         axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
         plot_curves.shade_backlash(axes, curves, "y")
@@ -137,9 +139,11 @@ def phase_plane(*runs, axes=None, labels=None):
     # With moving bearings the backlash varies and has no fixed limit in this plane.
     if not any("coast_line" in run for run in runs):
         plot_curves.shade_backlash(axes, curves, "x")
-    for name, direction, side in zip(names, "xy", ("top", "right"), strict=True):
-        axes.set(**{f"{direction}label": panels.axis_label(curves[0].data[name], width=50)})
-        plot_curves.add_si_scale(axes, curves, name, side)
+    displacement, velocity = curves[0].data.displacement, curves[0].data.velocity
+    axes.set_xlabel(panels.axis_label(displacement, width=50))
+    plot_curves.add_si_scale(axes, curves, "displacement", "top")
+    axes.set_ylabel(panels.axis_label(velocity, width=50))
+    plot_curves.add_si_scale(axes, curves, "velocity", "right")
     return plot_curves.add_legend(axes)
 
 
@@ -147,7 +151,7 @@ def phase_plane(*runs, axes=None, labels=None):
 def time_course(*runs, axes=None, labels=None, variable="displacement"):
     """Draw a variable over the mesh periods, with the changes of contact.
 
-    Intervals of contact loss are shaded if there is only one curve. Ticks on the curve of a gear
+    If there is only one curve, intervals of contact loss are shaded. Ticks on the curve of a gear
     pair mark contact events.
 
     Parameters
@@ -173,21 +177,21 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     sources = {"dim": "phase", "caller": "time_course", "source": "simulate"}
     curves = plot_curves.curves(runs, labels, (variable,), **sources)
     axes = plot_curves.axes_or_new(axes)
-    limits = []
+    period_limits = []
     for curve in curves:
         run = panels.in_mesh_periods(curve.data)
         periods, values = run.phase.values, run[variable].values
         options = {"color": curve.style.colour, "linestyle": curve.style.line}
         axes.plot(periods, values, label=curve.label, **options)
-        limits += [periods[0], periods[-1]]
+        period_limits += [periods[0], periods[-1]]
         if "event_phase" in run and "mesh" not in run.coords:
             events = run.event_phase.values / math.tau
             event_values = np.interp(events, periods, values)
             style.draw_markers(axes, events, event_values, "|", curve.style.colour, 7.0, zorder=3)
-    # With only one curve, `run` and `periods` are its data.
+    # If there is only one curve, `run` and `periods` belong to it.
     if len(curves) == 1 and "contact" in run:
         motions_figure.shade_contact(axes, periods, run.contact.values)
-    axes.set_xlim(min(limits), max(limits))
+    axes.set_xlim(min(period_limits), max(period_limits))
     axes.set_xlabel(panels.axis_label(run.phase))
     axes.set_ylabel(panels.axis_label(run[variable], width=45))
     frequency = plot_curves.common_scalar(curves, "mesh_frequency")
@@ -199,7 +203,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
 
 @style.styled()
 def run_up(*runs, axes=None, labels=None, variable=None):
-    """Draw a variable of run-ups, by revolution, over the speed; dotted where the speed falls.
+    """Draw a variable of each revolution of run-ups over the speed, dotted where the speed falls.
 
     Parameters
     ----------
@@ -232,10 +236,10 @@ def run_up(*runs, axes=None, labels=None, variable=None):
     unit_size, unit = style.readable_unit(variables[0].units, *variables)
     for curve, values in zip(curves, variables, strict=True):
         speed = curve.data.revolution_speed.values
-        # The first revolution counts as falling if the speed falls after it.
-        falling = np.diff(speed, prepend=2.0 * speed[0] - speed[1]) < 0.0
+        # The speed counts as falling in the first revolution if it falls after it.
+        is_falling = np.diff(speed, prepend=2.0 * speed[0] - speed[1]) < 0.0
         options = {"color": curve.style.colour, "label": curve.label}
-        style.draw_solid_and_dotted(axes, speed, values.values / unit_size, falling, **options)
+        style.draw_solid_and_dotted(axes, speed, values.values / unit_size, is_falling, **options)
     axes.set_xlabel("speed (rpm)")
     axes.set_ylabel(panels.axis_label(panels.in_unit(variables[0], unit_size, unit), width=45))
     return plot_curves.add_legend(axes)
@@ -269,7 +273,6 @@ def campbell(diagram, *, axes=None, to=None):
     if not diagram.critical_speed.size:
         raise ValueError("the diagram has no order of a mesh frequency: it must have one or more")
     axes = plot_curves.axes_or_new(axes)
-    # The argument `to` is the upper limit of the speed axis.
     to = 1.02 * float(diagram.critical_speed.max()) if to is None else to
     max_speed = parameters.check("to", to, Speed)
     handles = trains_figure.draw_orders(axes, diagram, max_speed)
@@ -374,7 +377,7 @@ def harris_map(errors, *, axes=None):
     if errors.transmission_error.ndim != 2:
         raise ValueError(
             f"transmission_error over {errors.transmission_error.dims} is not allowed: it must be "
-            "over torque and phase; choose one of the others by `sel`"
+            "over torque and phase; select one value of each other dimension by `sel`"
         )
     axes = plot_curves.axes_or_new(axes)
     design = float(errors.get("design_torque", math.nan))
@@ -387,13 +390,13 @@ def harris_map(errors, *, axes=None):
 
 @style.styled()
 def values(data, *names, axes=None):
-    """Plot variables with a common unit over their last dimension, with a marker for each value.
+    """Draw variables with a common unit over their last dimension, with a marker for each value.
 
     Parameters
     ----------
     data : xarray.Dataset
-        Dataset such as those that `GearTrain.modes` and `GearTrain.static` return; each entry of
-        the other dimensions has its own style of markers.
+        Dataset such as the results of `GearTrain.modes` and `GearTrain.static`; each entry of the
+        other dimensions has its own style of markers.
     *names : str
         Names of variables with equal units and dimensions.
     axes : matplotlib.axes.Axes, optional
@@ -408,28 +411,30 @@ def values(data, *names, axes=None):
     ValueError
         If no name is given, or the dataset has no such variable over a dimension.
     """
-    # Without names the error message asks for them.
+    # Without names the error message says that names are missing.
     plot_curves.require("values", data, names or ("names",), "GearTrain.modes and others")
     for name in names:
         if not data[name].ndim:
             raise ValueError(f"{name} is not allowed: it must be a variable over a dimension")
     axes = plot_curves.axes_or_new(axes)
     *other_dims, last_dim = data[names[0]].dims
-    texts = [
-        data[dim].values.tolist() if data[dim].dtype.kind in "OU" else style.number_texts(data[dim])
-        for dim in other_dims
-    ]
+    labels_of_dims = []
+    for dim in other_dims:
+        is_text = data[dim].dtype.kind in "OU"
+        labels = data[dim].values.tolist() if is_text else style.number_texts(data[dim])
+        labels_of_dims.append(labels)
     curves = {}
     for name in names:
         prefix = [panels.name_and_unit(data[name])[0]] if len(names) > 1 else []
         for index in np.ndindex(*data[name].shape[:-1]):
             curve = data[name].isel(dict(zip(other_dims, index, strict=True)))
-            coordinates = [labels[i] for labels, i in zip(texts, index, strict=True)]
-            curves[" ".join(prefix + coordinates)] = curve
+            labels = [texts[i] for texts, i in zip(labels_of_dims, index, strict=True)]
+            curves[" ".join(prefix + labels)] = curve
     for label, curve_style in style.curve_styles(curves).items():
         axes.plot(curves[label], curve_style.marker, color=curve_style.colour, ms=4, label=label)
     tick_labels = [str(value) for value in data[last_dim].values]
-    label_slice = slice(None, None, math.ceil(len(tick_labels) / 12))  # At most 12 labels.
+    # There are at most 12 labels.
+    label_slice = slice(None, None, math.ceil(len(tick_labels) / 12))
     options = {"rotation": 30, "ha": "right"} if max(map(len, tick_labels)) > 5 else {}
     axes.set_xticks(range(len(tick_labels))[label_slice], tick_labels[label_slice], **options)
     axes.set_xlabel(last_dim.replace("_", " "))
@@ -448,9 +453,10 @@ def orbit(*orbits, axes=None, labels=None):
     Parameters
     ----------
     *orbits : Orbit or xarray.Dataset
-        Either orbits returned by `gearlib.periodic_orbit`, or datasets returned by
-        `gearlib.continue_orbit`, with the largest and smallest displacement and markers at special
-        points such as folds and period doublings. Lines are solid if stable, dashed if unstable.
+        Either orbits returned by `gearlib.periodic_orbit`, or branches returned by
+        `gearlib.continue_orbit`, which are drawn by their largest and smallest displacement, with
+        markers at special points such as folds and period doublings. Lines are solid where orbits
+        are stable, dashed where they are unstable.
     axes : matplotlib.axes.Axes, optional
         Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
@@ -478,7 +484,7 @@ def orbit(*orbits, axes=None, labels=None):
     axes = plot_curves.axes_or_new(axes)
     parameter = orbits[0].attrs.get("parameter", "tuning")
     for curve in curves:
-        # `draw_curve` draws over "tuning", by branches; here a dataset may be a single branch.
+        # `draw_curve` needs the names "tuning" and "branch"; a dataset here may be a single branch.
         points = curve.data.rename({parameter: "tuning"} if parameter != "tuning" else {})
         if "branch" not in points:
             points = points.assign(branch=xr.zeros_like(points.label))
@@ -493,7 +499,7 @@ def orbit(*orbits, axes=None, labels=None):
 
 
 def _time_course_of(orbit: Orbit):
-    """Return a simulation of an orbit over one period, with its stability as a variable."""
+    """Return a simulation of an orbit over one period, with the variable `stable`."""
     options = {"initial_state": tuple(orbit.state), "periods": orbit.period}
     run = simulate(orbit.model, orbit.tuning, record_periods=orbit.period, **options)
     # Rounding errors grow along an unstable orbit, so that the run may not detect its period.

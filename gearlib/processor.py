@@ -20,11 +20,12 @@ GLIBC_EXCLUDED = "glibc.cpu.hwcaps=-AVX512F,-AVX512CD,-AVX512BW,-AVX512DQ,-AVX51
 
 
 def settings(environment=None, flags=None):
-    """Return the environment variables that make rounding equal on all processors, as a dict.
+    """Return a dict of the environment variables that make rounding equal on all processors.
 
-    The dict is empty on processors below x86-64-v3. Libraries read the variables when they are
-    loaded, glibc when the process starts. By default `environment` is ``os.environ``, and `flags`
-    are the features of this processor. Other settings of glibc in `environment` are preserved.
+    The dict is empty if the processor is below x86-64-v3, or if `environment` has the value
+    "native" of `SWITCH_VARIABLE`. Libraries read the variables when they are loaded, glibc when the
+    process starts. `environment` is by default ``os.environ``; its other settings of glibc are
+    preserved. `flags` is the set of features of the processor, by default of this one.
     """
     environment = os.environ if environment is None else environment
     flags = features() if flags is None else flags

@@ -1,9 +1,9 @@
-"""Progress bars of long calls, and the time after which they return what is done.
+"""Progress bars of long calls, and time limits at which calls return what they have computed.
 
-With `max_seconds` a call begins no further step after that time; it always takes the first one. Its
-dataset then has `complete`, 1 or 0, and the attribute `missing`: a list of what was not reached, by
-values of the coordinate, from which they are left out, or as intervals [from, to] of it. Without
-`max_seconds` there is neither.
+With `max_seconds` a call begins no further step after that time, except that it always takes the
+first step. Its dataset then has the variable `complete`, 1 or 0, and the attribute `missing`, which
+lists what was not computed: values of a coordinate, which the dataset lacks, or intervals
+[from, to] of the coordinate. Without `max_seconds` the dataset has neither.
 """
 
 import json
@@ -21,19 +21,21 @@ _bar_is_shown = threading.Lock()
 
 
 def with_bar(unit: str, items: Iterable, total: int | None = None) -> Iterator:
-    """Yield items; show a bar on stderr in a terminal or notebook, unless another call shows one.
+    """Yield items, with a progress bar on stderr in a terminal or notebook.
 
-    `unit` is the plural noun of the items, `total` their number.
+    There is no bar while another call shows one. `unit` is the plural noun of the items, such as
+    "runs"; `total` is their number, None if it is not known.
     """
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    # For tqdm a notebook is no terminal, and `disable=None` would hide the bar there.
+    # A notebook is no terminal for tqdm, whose `disable=None` would hide the bar there.
     is_watched = hasattr(shell, "kernel") or bool(sys.stderr and sys.stderr.isatty())
     if not is_watched or not _bar_is_shown.acquire(blocking=False):
         yield from items
         return
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that notebooks without widgets show the bar as text
+            # tqdm warns in notebooks without widgets, where it shows the bar as text.
+            warnings.simplefilter("ignore")
             from tqdm.auto import tqdm
         yield from tqdm(items, total=total, unit=f" {unit}", delay=DELAY, leave=False)
     finally:
@@ -41,15 +43,18 @@ def with_bar(unit: str, items: Iterable, total: int | None = None) -> Iterator:
 
 
 class Limit:
-    """The time that a call may take from now on."""
+    """The time limit of a call."""
 
     def __init__(self, max_seconds: float | None):
-        """Start the time; it never ends with None."""
+        """Start the time; with None there is no limit."""
         self.is_set, self.complete, self._is_first = max_seconds is not None, True, True
         self._end = math.inf if max_seconds is None else time.monotonic() + max_seconds
 
     def is_over(self) -> bool:
-        """Return whether the time is over, not yet at the first step; `complete` is then False."""
+        """Return whether the time is over before a step; it never is before the first step.
+
+        The attribute `complete` becomes False when the time is over.
+        """
         is_first, self._is_first = self._is_first, False
         self.complete = self.complete and (is_first or time.monotonic() < self._end)
         return not self.complete
@@ -62,15 +67,16 @@ class Limit:
             yield item
 
     def mark(self, dataset: Any, missing: Iterable = (), **done: Any) -> Any:
-        """Return a dataset with `complete` and `missing`, a list, if the time is limited.
+        """Return a dataset with `complete` and `missing` added if the time is limited.
 
-        `done` has a mask by dimension, of what was reached; the rest is left out, and missing.
+        `missing` lists what was not computed. Alternatively `done` has the name of a dimension as
+        keyword and a mask of its computed entries; the other entries are left out and are missing.
         """
-        for dim, mask in done.items() if self.is_set else ():
-            missing = dataset[dim].values[~mask].tolist()
-            dataset = dataset.isel({dim: mask})
         if not self.is_set:
             return dataset
+        for dim, mask in done.items():
+            missing = dataset[dim].values[~mask].tolist()
+            dataset = dataset.isel({dim: mask})
         attrs = {"units": "1", "long_name": "whether all was done within max_seconds"}
         dataset = dataset.assign(complete=((), int(not missing), attrs))
         return dataset.assign_attrs(missing=json.dumps(missing))

@@ -1,4 +1,4 @@
-"""`write_train` and `read_train`: gear trains in YAML, as in a configuration, and in netCDF."""
+"""Writing and reading of gear trains, in YAML as in a configuration, or in netCDF."""
 
 import dataclasses
 from pathlib import Path
@@ -13,20 +13,20 @@ _SUFFIXES = (".yaml", ".yml", ".nc")
 
 
 def write_train(train: Any, path: Any) -> None:
-    """Write a gear train to a file, to be corrected and read again.
+    """Write a gear train to a file, which `read_train` reads, also after changes by hand.
 
     Parameters
     ----------
     train : gearlib.GearTrain
         The train.
     path : str or path-like
-        A YAML file, which has the section ``train`` of a configuration, or a netCDF file, which has
-        the layout of the train, too. An existing file is replaced.
+        A YAML file, which gets the section ``train`` of a configuration, or a netCDF file, which
+        gets the layout of the train as well. An existing file is replaced.
 
     Raises
     ------
     ValueError
-        If the suffix is not .yaml, .yml or .nc, or the train is one of given matrices.
+        If the suffix is not .yaml, .yml or .nc, or the train consists of given matrices.
     """
     from gearlib.data import files, result, storage
 
@@ -37,13 +37,14 @@ def write_train(train: Any, path: Any) -> None:
     if suffix == ".nc":
         storage.write(result.result("A gear train", train, train.layout(), method="none"), path)
         return
-    own: dict = {
-        name: [_given(element) for element in getattr(train, name)]
-        for name in ("bodies", "shafts", "meshes", "forces")
-    }
-    own |= {name: getattr(train, name) for name in ("carrier_ratio", "gyroscopic")}
-    own |= {"modal_damping": list(train.modal_damping)} if train.modal_damping else {}
-    section = {"kind": "own", "reference": train.reference, "own": own}
+    arguments: dict = {}
+    for name in ("bodies", "shafts", "meshes", "forces"):
+        arguments[name] = [_custom_fields(element) for element in getattr(train, name)]
+    for name in ("carrier_ratio", "gyroscopic"):
+        arguments[name] = getattr(train, name)
+    if train.modal_damping:
+        arguments["modal_damping"] = list(train.modal_damping)
+    section = {"kind": "own", "reference": train.reference, "own": arguments}
     if train.reference_frequency is not None:
         section["reference_frequency"] = train.reference_frequency
     with files.replacing(path) as temporary:
@@ -51,12 +52,17 @@ def write_train(train: Any, path: Any) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def _given(element: Any) -> dict:
-    """Return the fields of a body, shaft or mesh without defaults, as plain values."""
+def _custom_fields(element: Any) -> dict:
+    """Return the fields of a body, shaft, mesh or force that differ from their defaults.
+
+    Values are plain: dicts, lists, numbers and texts. Names such as "sun-planet", which follow from
+    the names of the bodies, are left out.
+    """
     values = {}
     for field in dataclasses.fields(element):
         value = getattr(element, field.name)
-        if value != field.default and not (field.name == "name" and "-" in str(value)):
+        is_derived_name = field.name == "name" and "-" in str(value)
+        if value != field.default and not is_derived_name:
             values[field.name] = _plain(value)
     if values.get("coast_deviation") == values.get("deviation"):
         values.pop("coast_deviation", None)
@@ -64,14 +70,14 @@ def _given(element: Any) -> dict:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of a field with dicts and lists in place of `Harmonics` and tuples."""
+    """Return the value of a field with `Harmonics` as dict and tuples as lists."""
     if dataclasses.is_dataclass(value):
         return {name: list(entry) for name, entry in dataclasses.asdict(value).items()}
     return [_plain(entry) for entry in value] if isinstance(value, tuple) else value
 
 
 def read_train(path: Any) -> Any:
-    """Read the gear train of a file that `gearlib.write_train` wrote, or that has its form.
+    """Read a gear train from a file in the form that `gearlib.write_train` writes.
 
     Parameters
     ----------
@@ -89,7 +95,7 @@ def read_train(path: Any) -> Any:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the file has no train, or a value is wrong; the message names the key.
+        If the file has no train or a wrong value; the message names the key.
     """
     from pydantic import ValidationError
 
@@ -102,10 +108,10 @@ def read_train(path: Any) -> Any:
         if getattr(train, "train", None) is None:
             raise ValueError(f"{path} has no gear train: it must be written by gearlib.write_train")
         return train
-    Path(path).stat()  # FileNotFoundError rather than an error about YAML
-    content, repeated = validation.read_yaml(path)
-    if repeated:
-        raise ConfigError("\n".join(repeated))
+    Path(path).stat()  # A missing file raises FileNotFoundError, not an error about YAML.
+    content, messages = validation.read_yaml(path)
+    if messages:
+        raise ConfigError("\n".join(messages))
     content = {name: section for name, section in content.items() if name == "train"}
     try:
         section = TrainFile.model_validate(content, context={}).train

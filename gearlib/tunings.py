@@ -10,7 +10,10 @@ NAME_DECIMALS = 4
 
 
 def name_of(*tunings):
-    """Return the name of a tuning or of a window for files, such as 0.6600 or 0.5000-1.4000."""
+    """Return the name of a tuning or window for files, such as "0.6600" or "0.5000-1.4000".
+
+    `tunings` are one tuning, or the first and the last one of a window.
+    """
     decimals = [_decimal(tuning) for tuning in tunings]
     return "-".join(f"{x:.{max(NAME_DECIMALS, -x.as_tuple().exponent)}f}" for x in decimals)
 
@@ -21,14 +24,15 @@ def values_of(name):
 
 
 def steps(start, stop, step):
-    """Return (stop - start) / step as a Decimal, which is exact if the range has whole steps."""
+    """Return the number of steps from `start` to `stop` as a Decimal, exact if it is whole."""
     return (_decimal(stop) - _decimal(start)) / _decimal(step)
 
 
 def grid(start, stop, step):
     """Return a list of the tunings from `start` to `stop`, which are a `step` apart."""
-    first, difference = _decimal(start), _decimal(step)
-    return [float(first + i * difference) for i in range(int(steps(start, stop, step)) + 1)]
+    start_decimal, step_decimal = _decimal(start), _decimal(step)
+    count = int(steps(start, stop, step)) + 1
+    return [float(start_decimal + i * step_decimal) for i in range(count)]
 
 
 def windows(start, stop, step, width):
@@ -41,9 +45,9 @@ def windows(start, stop, step, width):
     window_steps, last_step = int(steps(0.0, width, step)), int(steps(start, stop, step))
     first_steps = [0, *range(window_steps + 1, last_step + 1, window_steps)]
     last_steps = [*(i - 1 for i in first_steps[1:]), last_step]
-    first, difference = _decimal(start), _decimal(step)
+    start_decimal, step_decimal = _decimal(start), _decimal(step)
     return [
-        (float(first + i * difference), float(first + j * difference))
+        (float(start_decimal + i * step_decimal), float(start_decimal + j * step_decimal))
         for i, j in zip(first_steps, last_steps, strict=True)
     ]
 

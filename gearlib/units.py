@@ -1,7 +1,7 @@
 """Values with units: texts such as ``10 um`` or ``4e5 N/mm``, read as SI numbers.
 
-pint is imported where a text has another unit than the parameter. Numbers are converted as decimal
-fractions, so that ``10 um`` is exactly 1e-5, and results that were computed with 1e-5 stay valid.
+pint is imported only if a text has another unit than the parameter. Numbers are converted as
+decimal fractions, so that ``10 um`` is exactly 1e-5, and results computed with 1e-5 stay valid.
 """
 
 import re
@@ -31,17 +31,23 @@ def _registry():
 
 
 def rpm(value):
-    """Return the number of a text such as "1500 rpm" or "1500 1/min" as a Decimal, else None."""
+    """Return the number of a text such as "1500 rpm" or "1500 1/min" as a Decimal.
+
+    Return None for other texts and other types.
+    """
     match = RPM.fullmatch(value.strip()) if isinstance(value, str) else None
     return Decimal(match[1]) if match else None
 
 
 def read(text, unit):
-    """Return a text such as "3 kN" as a float in `unit`; raise ValueError for another dimension."""
+    """Return the value of a text such as "3 kN" as a float in `unit`.
+
+    Raise ValueError if the text has no unit, or a unit of another dimension.
+    """
     match = TEXT.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"{text!r} is not a number with a unit")
-    # Write units like pint: "Nm" and "N·m" as "N m", "µm" as "um".
+    # Units are written as pint reads them: "Nm" and "N·m" as "N m", "µm" as "um".
     source_unit = re.sub(f"^{_RPM}", "rpm", re.sub("[µμ]", "u", match[2])).strip()
     source_unit = re.sub(r"\b([umkMG]?N)([mc]?m)\b", r"\1 \2", source_unit)
     source_unit = re.sub(r"\s*(?:[ ·⋅]|(?<!\*)\*(?!\*))\s*", " ", source_unit)
@@ -51,7 +57,10 @@ def read(text, unit):
 
 @cache
 def _conversion_factor(text, source_unit, unit):
-    """Return `source_unit` over `unit` by pint, or raise ValueError that names the whole text."""
+    """Return the factor that converts values in `source_unit` to `unit`, computed by pint.
+
+    Raise ValueError, which quotes the whole `text`, if the units have different dimensions.
+    """
     registry = _registry()
     if unit == "m/s^2":  # Accelerations are often measured in g, which pint reads as grams.
         source_unit = re.sub(r"\bg\b", "g_n", source_unit)

@@ -30,21 +30,21 @@ _UNUSED_PAIR = {"gear_pair": PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1}}
 class Gears(NamedTuple):
     """Gears that options and a configuration describe."""
 
-    mapping: dict  #: the configuration with the options laid over it
-    settings: Any  #: its sections that commands need, checked
+    mapping: dict  #: the configuration, updated by the options
+    settings: Any  #: the validated configuration of `mapping`
     damping: str  #: name of the damping
-    kind: str  #: of the model: teeth, rectangle, six_degrees or train
-    geometry: Any  #: the section `gears` of a single pair, else None
+    kind: str  #: kind of the model: teeth, rectangle, six_degrees or train
+    geometry: Any  #: the section `gears` if the model is a single pair given by geometry, else None
 
     @property
     def name(self) -> str:
-        """Name of the gears as the model has them."""
+        """Name of the gears, which says what the model leaves out."""
         if self.kind == "train":
             return gear_names.name_of_train(self.settings)
         return gear_names.name_of_pair(self.settings, self.kind == "teeth")
 
     def model(self, pitch_errors: bool = True):
-        """Return the model; without `pitch_errors` those of pairs of teeth are left out."""
+        """Return the model of the gears; pairs of teeth have pitch errors if `pitch_errors`."""
         from gearlib.models.from_values import model
 
         if self.kind == "six_degrees" and self.settings.six_degrees.bearing_stiffness is None:
@@ -52,11 +52,11 @@ class Gears(NamedTuple):
         return model(self.settings.gears_model(self.damping, self.kind, pitch_errors))
 
     def rectangle(self) -> "Gears":
-        """Return these gears with the rectangular stiffness, for analyses that need it."""
+        """Return these gears with a rectangular stiffness in place of pairs of teeth."""
         return self._replace(kind="rectangle") if self.kind == "teeth" else self
 
     def stiffness(self, model: Any) -> str:
-        """Return the mesh model and its stiffness in words, with the method of a rectangle."""
+        """Return a text on the stiffness of a model, with the method by which it was computed."""
         if self.kind == "teeth":
             return model.stiffness_model + gear_names.unused_options(self.settings.gears)
         if self.kind == "train" or not self.settings.gears:
@@ -64,7 +64,10 @@ class Gears(NamedTuple):
         return f"{model.stiffness_model}, {METHOD_NAMES[self.settings.gears.stiffness or 'iso']}"
 
     def description(self, model: Any) -> str:
-        """Return the name of the gears, the stiffness of their model, and a backlash by default."""
+        """Return a text with the name of the gears, the stiffness of `model`, and default backlash.
+
+        The backlash is named only if it is the recommended one because none is given.
+        """
         parts = [self.name, self.stiffness(model)]
         if self.geometry and self.geometry.backlash is None:
             mesh = self.geometry.mesh()
@@ -74,25 +77,30 @@ class Gears(NamedTuple):
 
 
 def in_rpm(name, value):
-    """Return a speed as number in rpm; `value` is a number, a text such as "1500rpm" or None."""
+    """Return the speed of the option `name` as a number in rpm, None if it is not given.
+
+    `value` is a number, a text such as "1500rpm", or None.
+    """
     if not isinstance(value, str):
         return value
-    if (speed := units.rpm(value)) is not None:
-        return float(speed)
-    raise refusal(name, value, "a number, or a speed in rpm such as 1500rpm")
+    speed = units.rpm(value)
+    if speed is None:
+        raise refusal(name, value, "a number, or a speed in rpm such as 1500rpm")
+    return float(speed)
 
 
 def take_gears(values: dict, moves: bool = True, needs_geometry: bool = False) -> Gears:
     """Remove the options that describe gears from the dict `values`, and return the gears.
 
-    Options override the configuration. With `moves` the gears need a damping, with `needs_geometry`
-    gear geometry; otherwise `_UNDAMPED` and `_UNUSED_PAIR` replace missing sections.
+    Options take precedence over the configuration. With `moves` the gears must have a damping, with
+    `needs_geometry` they must be given by geometry. Sections that a command does not need and the
+    configuration lacks are `_UNDAMPED` and `_UNUSED_PAIR`.
     """
-    damping, kind, profile = (values.pop(x, None) for x in ("damping", "model", "profile"))
+    damping, kind, profile = (values.pop(name, None) for name in ("damping", "model", "profile"))
     mapping = _read(values.pop("config"), damping)
     sections = _take_sections(values, needs_geometry)
-    stage, pair, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
-    # A damping needs both coefficients; --damping-ratio alone means no damping without contact.
+    stage, pair, coefficients = (sections[key] for key in ("gears", "gear_pair", "dampings"))
+    # A damping needs two coefficients; --damping-ratio alone means no damping without contact.
     if "damping_ratio" in coefficients and "backlash_damping" not in coefficients:
         coefficients["backlash_damping_ratio"] = 0.0
     bearings = {name: values.pop(name, None) for name in _BEARINGS}
@@ -106,7 +114,7 @@ def take_gears(values: dict, moves: bool = True, needs_geometry: bool = False) -
     if "backlash" in pair and ("gears" in mapping or stage):
         stage["backlash"] = pair.pop("backlash")
     if stage and "gears" not in mapping:
-        # Dampings and bearings of the configuration are those of its own gears.
+        # Dampings and bearings of the configuration belong to its own gears and are left out.
         mapping = _select(mapping, "train", *(["dampings"] if damping else []))
     mapping = overlay(mapping, {"gears": stage} if stage else {})
     train = mapping.get("train")
@@ -140,8 +148,8 @@ def take_gears(values: dict, moves: bool = True, needs_geometry: bool = False) -
     settings = config.load(_select(mapping, *_NEEDED_SECTIONS) if stage or changes else mapping)
     if damping not in settings.dampings:
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
-    if moves and kind == "train" and (message := mesh_damping_error(settings)):
-        raise click.UsageError(message)
+    if moves and kind == "train" and mesh_damping_error(settings):
+        raise click.UsageError(mesh_damping_error(settings))
     kind = kind or ("teeth" if settings.gears else "rectangle")
     if kind == "teeth" and not settings.gears:
         raise refusal("--model", kind, "rectangle: the gears are not given by their geometry")
@@ -150,24 +158,27 @@ def take_gears(values: dict, moves: bool = True, needs_geometry: bool = False) -
 
 
 def _read(path: Path | None, damping: str | None) -> dict:
-    """Return the configuration in `path` or in config.yaml; {} without a file."""
+    """Return the configuration in the file `path` or, with None, in config.yaml; {} without a file.
+
+    `damping` is the option --damping, which needs a configuration; None if it is not given.
+    """
     if path is None and not DEFAULT_CONFIG.exists():
         if damping:
             raise click.UsageError("--damping needs a configuration: give --config")
         return {}
-    mapping, repeated = validation.read_yaml(path or DEFAULT_CONFIG)
-    if repeated:
-        raise click.UsageError("\n".join(repeated))
-    if unknown := config.unknown_sections(mapping):
-        raise click.UsageError("\n".join(unknown))
+    mapping, messages = validation.read_yaml(path or DEFAULT_CONFIG)
+    messages = messages or config.unknown_sections(mapping)
+    if messages:
+        raise click.UsageError("\n".join(messages))
     return mapping
 
 
 def _take_sections(values: dict, needs_geometry: bool) -> dict:
-    """Remove the options that are config keys from `values`, and return their sections.
+    """Remove the options that are config keys from the dict `values`, and return their sections.
 
-    With `needs_geometry` the command has the options `options.STAGE`, else `options.PAIR`,
-    which describe a pair by its geometry or its numbers. `teeth` is a number or a text with two.
+    With `needs_geometry` the command has the options `options.STAGE`, which describe a pair by its
+    geometry, else `options.PAIR`, which may also describe it by its parameters. The option `teeth`
+    is a number, or a text with the numbers of pinion and wheel.
     """
     sections: dict = {"gears": {}, "gear_pair": {}, "dampings": {}}
     teeth = values.pop("teeth")
@@ -197,5 +208,5 @@ def _take_sections(values: dict, needs_geometry: bool) -> dict:
 
 
 def _select(mapping: dict, *keys: str) -> dict:
-    """Return the entries of a mapping with these keys."""
+    """Return a dict of the entries of a mapping that have one of these keys."""
     return {key: mapping[key] for key in keys if key in mapping}

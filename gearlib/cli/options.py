@@ -1,4 +1,4 @@
-"""Options of the commands: of the fields of the configuration, and of a table."""
+"""Options of the commands, from keys of the configuration and from a table."""
 
 import math
 import re
@@ -16,7 +16,7 @@ from gearlib.config.gears_section import Gears, WheelSection
 from gearlib.data.variables import QUANTITIES
 
 FILE = click.Path(dir_okay=False, path_type=Path)
-#: Endings of files of data, configurations and pictures.
+#: Suffixes of files of data, configurations and pictures.
 DATA, YAML, PICTURES = (".nc", ".csv"), (".yaml", ".yml"), (".png", ".svg", ".pdf")
 
 #: Package that a command needs -> the extra that installs it.
@@ -24,22 +24,29 @@ _EXTRAS = {"bokeh": "explore", "panel": "explore", "snakemake": "workflow"}
 
 
 def number_or_text(text):
-    """Return an int or float, or the text itself, which may be a number with a unit."""
+    """Return the value of an option as int or float, or as text if it is not a plain number.
+
+    Texts such as "40 um" are read later, when their unit is known.
+    """
     for number_type in (int, float):
         try:
-            return text if math.isnan(number_type(text)) else number_type(text)
+            number = number_type(text)
         except ValueError:
             continue
+        return text if math.isnan(number) else number
     if text.startswith("--"):
         raise click.UsageError(f"{text} is not allowed as a value: some options take two values")
     return text
 
 
 def in_unit(unit, example):
-    """Return a type of options: a number in `unit`, or a text such as `example`, as a number."""
+    """Return a click type, a function that converts the text of an option to a number in `unit`.
+
+    Texts are plain numbers or, like `example`, have a unit.
+    """
 
     def number(text):
-        """Return the number of a text, or raise the error that click reports with the option."""
+        """Return the number, or raise the error that click reports with the name of the option."""
         value = number_or_text(text)
         try:
             return float(units.read(value, unit) if isinstance(value, str) else value)
@@ -51,7 +58,7 @@ def in_unit(unit, example):
 
 
 def mapping_of(text):
-    """Return the content of a text in YAML."""
+    """Return the content of the YAML text of an option, or raise the error that click reports."""
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError:
@@ -63,7 +70,10 @@ class Command(click.Command):
     """A command whose option --teeth takes one or two values."""
 
     def parse_args(self, ctx, args):
-        """Join two values of --teeth, because click expects one."""
+        """Join two values of --teeth to one, because a click option has a fixed number of values.
+
+        `ctx` is the click context, `args` the list of command-line arguments.
+        """
         args = [part for arg in args for part in re.split("(?<=^--teeth)=", arg)]
         # The command `fit` has an argument, which may follow a single number of teeth.
         wheel_teeth = r"[-+]?[\d.]+" if ctx.command.name == "fit" else r"[^-].*|-[\d.].*"
@@ -80,7 +90,7 @@ class Group(click.Group):
     command_class = Command
 
     def invoke(self, ctx):
-        """Run the command, and convert errors of the library to those of click."""
+        """Run the command in a click context; convert errors of the library to click errors."""
         try:
             with warnings.catch_warnings():
                 warnings.showwarning = lambda text, *_: click.echo(f"Warning: {text}", err=True)
@@ -88,24 +98,28 @@ class Group(click.Group):
         except ValueError as error:
             is_input = isinstance(error, InputError)
             text = validation.sentence(error, "", {}) if is_input else str(error)
-            # Without a configuration the options of a damping form one called "options".
+            # Without a configuration the damping of the options is called "options".
             raise click.UsageError(text.replace("dampings.options.", "")) from None
         except ModuleNotFoundError as error:
-            package, extra = error.name, _EXTRAS.get(str(error.name).partition(".")[0])
-            hint = f"{package} is not installed: pip install 'gearlib[{extra}]', the extra {extra}"
-            raise click.ClickException(hint if extra else str(error)) from None
-        except BrokenPipeError:  # as by `| head`; click ends in silence
-            raise
+            extra = _EXTRAS.get(str(error.name).partition(".")[0])
+            text = str(error)
+            if extra:
+                text = f"{error.name} is not installed: pip install 'gearlib[{extra}]'"
+                text += f", the extra {extra}"
+            raise click.ClickException(text) from None
+        except BrokenPipeError:
+            raise  # If the reader of the output ends, as `| head` does, click exits silently.
         except OSError as error:
             parts = (error.filename, error.strerror) if error.strerror else (error,)
             raise click.ClickException(": ".join(map(str, filter(None, parts)))) from None
 
 
 def option(name, help_text, default_or_type=None, flags=(), **settings):
-    """Return a click option. `default_or_type` is its default value, or the type of its values.
+    """Return a click option.
 
-    A callable is a type; the default False makes the option a flag. `flags` are further names such
-    as "-o", `settings` further arguments of `click.Option`.
+    `default_or_type` is the type of its values if it is callable, else its default value; False
+    makes the option a flag, None means neither. `flags` are additional names such as "-o",
+    `settings` additional arguments of `click.Option`.
     """
     if default_or_type is False:
         settings["is_flag"] = True
@@ -113,13 +127,16 @@ def option(name, help_text, default_or_type=None, flags=(), **settings):
         settings["type"] = default_or_type
     elif default_or_type is not None:
         settings |= {"default": default_or_type, "show_default": True}
-    # This name is shortened on the command line.
+    # The name "initial_state" is shortened on the command line.
     flag = "--state" if name == "initial_state" else f"--{name.replace('_', '-')}"
     return click.Option([*flags, flag, name], help=help_text, **settings)
 
 
 def key_options(key_groups):
-    """Return the options of groups (section class, key names, section keys), as in `GEOMETRY`."""
+    """Return the click options for config keys.
+
+    `key_groups` is a list such as `GEOMETRY` of tuples (section class, key names, section keys).
+    """
     click_options = []
     for section, names, section_keys in key_groups:
         settings = {"nargs": 2, "metavar": "PINION WHEEL"} if section_keys == _BOTH_GEARS else {}
@@ -131,8 +148,8 @@ def key_options(key_groups):
 
 
 _BOTH_GEARS = ["gears.pinion", "gears.wheel"]
-#: Keys that are options: of gear geometry, of the mesh, of a gear pair. Each group has a
-#: section class, names of its keys, and the keys of its sections in the configuration.
+#: Config keys that are options: of gear geometry, of the mesh, of a gear pair. Each group has a
+#: section class, names of its keys, and the places of such sections in the configuration.
 GEOMETRY = [
     (WheelSection, ["shift", "tip_diameter", "bore", "thickness_allowance"], _BOTH_GEARS),
     (WheelSection, ["module", "width", "pressure_angle", "helix_angle", "rack"], _BOTH_GEARS[:1]),
@@ -244,13 +261,14 @@ def command_options(command_name, option_names):
     """Return the options of a command; `option_names` is a text with spaces between the names."""
     click_options = []
     for name in option_names.split():
-        # A row for "sweep points" precedes that for "points", which all other commands have.
-        help_text, default_or_type, *settings = _TABLE.get(f"{command_name} {name}") or _TABLE[name]
+        # An entry such as "trust periods" for one command takes precedence over "periods".
+        command_entry = _TABLE.get(f"{command_name} {name}")
+        help_text, default_or_type, *settings = command_entry or _TABLE[name]
         click_options.append(option(name, help_text, default_or_type, **dict(*settings)))
     return click_options
 
 
 _GEARS = command_options("", "config damping teeth") + key_options(GEOMETRY)
-#: Options of two gears given by geometry, of any gear pair, of a model that moves.
+#: Options of two gears given by geometry, of any gear pair, of any model.
 STAGE, PAIR = _GEARS + key_options(MESH), _GEARS + key_options(PAIR_KEYS)
 MODEL = PAIR + command_options("", "model profile bearing_stiffness bearing_damping")

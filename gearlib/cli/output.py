@@ -127,7 +127,8 @@ def definitions(rows):
 def gear_table(rows, file_format):
     """Print the table of gears given by geometry in the format "text", "json" or "csv".
 
-    `rows` are results of `gearlib.studies.gear_table`, with a value for each method.
+    `rows` are results of `gearlib.studies.gear_table`; each has values of both gears, of the mesh,
+    or of the stiffness methods.
     """
     if file_format == "json":
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))

@@ -158,9 +158,7 @@ class Config(Section):
             reason = targets.refusal(name, self)
             if reason:
                 targets_by_reason.setdefault(reason, []).append(name)
-        return [
-            targets.with_target_names(reason, names) for reason, names in targets_by_reason.items()
-        ]
+        return [targets.with_target_names(*item) for item in targets_by_reason.items()]
 
     def train_damping_errors(self) -> list[str]:
         """Return a list with an error message if targets need a missing mesh damping of the train.

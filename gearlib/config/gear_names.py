@@ -25,10 +25,9 @@ def name_of_stage(pair: Any, modified: bool = True, pitch_errors: bool = True) -
     teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
     name = f"{'FZG type C' if is_fzg else 'gear pair'} {teeth}, {_module_and_helix(pinion)}"
     is_used = {"tip_relief": modified, "pitch_errors": modified and pitch_errors}
+    given_keys = [key for key in is_used if pair.modification_key(key)]
     for is_included, suffix in ((True, ""), (False, " left out")):
-        keys = [
-            key for key in is_used if is_used[key] == is_included and pair.modification_key(key)
-        ]
+        keys = [key for key in given_keys if is_used[key] == is_included]
         if keys:
             name += f", {' and '.join(keys).replace('_', ' ')}{suffix}"
     return name

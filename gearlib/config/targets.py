@@ -27,8 +27,9 @@ NO_TRAIN = (
     "train is missing: it must be a section of the configuration, whose kind is one of "
     f"{', '.join(get_args(Kind))}"
 )
-#: Error message for a configuration without measured sets.
+#: Error messages for a configuration without measured sets, and without a gearbox.
 NO_MEASURED_SETS = "measured = [] is not allowed: it must be a list of YAML files"
+_NO_GEARBOX = "gearbox is missing: it must have the key file"
 
 
 #: Targets that take any stiffness profile of the gear pair.
@@ -182,9 +183,7 @@ _REFUSALS = {
     "mesh_stiffness": partial(_gears_error, "mesh_stiffness"),
     "harris_map": partial(_gears_error, "harris_map"),
     "dynamic_factor": partial(_gears_error, "dynamic_factor"),
-    "gearbox": lambda config: (
-        "" if config.gearbox else "gearbox is missing: it must have the key file"
-    ),
+    "gearbox": lambda config: "" if config.gearbox else _NO_GEARBOX,
     "measured": lambda config: "" if config.measured else NO_MEASURED_SETS,
     "tolerances": _tolerances_error,
 }

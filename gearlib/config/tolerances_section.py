@@ -151,7 +151,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         return names <= tolerated.geometry_parameters().keys() and not are_of_pair
 
     def _known_parameters(self):
-        """Return the `Parameter`s by name: of the geometry if it has tolerances, else of the pair."""
+        """Return `Parameter`s by name: of the geometry if it has tolerances, else of the pair."""
         is_geometry = self.concern_geometry()
         return tolerated.geometry_parameters() if is_geometry else tolerated.pair_parameters()
 

@@ -214,8 +214,8 @@ def _check_mesh_without_geometry(mesh_key: str, mesh: Any) -> None:
             raise checks.InputError(f"{mesh_key}.{key}", problem=problem)
     allowed = "left out where the stiffness is given or a gear has no geometry"
     geometry_values = mesh.model_dump(include=GEOMETRY_KEYS - {"material_damping"})
-    if geometry_values:
-        key, value = next(iter(geometry_values.items()))
+    for key, value in geometry_values.items():
+        # The first value is refused.
         raise checks.refusal(f"{mesh_key}.{key}", value, allowed)
 
 

@@ -1,4 +1,4 @@
-"""Figures of the explorer; their curves are data sources by name."""
+"""Figures of the explorer, whose curves are Bokeh data sources with names."""
 
 import math
 from collections import defaultdict
@@ -28,7 +28,7 @@ class Figures:
     """The figures of a gear pair over the tuning, or of gear geometry over the speed."""
 
     def __init__(self, by_geometry: bool):
-        """Create empty figures, also of the teeth if the gears are given `by_geometry`."""
+        """Create empty figures; with `by_geometry` also figures of the teeth and a table."""
         self.by_geometry = by_geometry
         # Names of the curves of the Harris map: torques over the chosen torque, which is the last.
         self.harris_names = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]
@@ -68,7 +68,10 @@ class Figures:
         return f"{float(view.run.speed):.6g} rpm. {view.message}"
 
     def _draw_curves(self, curves) -> None:
-        """Draw dynamic factor and transmission error over the speed, and where the motion jumps."""
+        """Draw dynamic factor and transmission error over the speed, and lines at the jumps.
+
+        `curves` is a result of `over_speed`.
+        """
         speed = curves.speed.values
         for name in ("up", "down"):
             curve = curves.sel(direction=name)
@@ -77,18 +80,18 @@ class Figures:
         iso = curves.get("iso_dynamic_factor")
         factors = np.full(speed.size, np.nan) if iso is None else iso.values
         self._set("iso", speed, factors)
-        # Where both ends are equal, the directions differ at a single speed.
-        is_wide = curves.jump_up_speed.values > curves.jump_down_speed.values
-        ends = (curves.jump_up_speed.values, curves.jump_down_speed.values)
-        jumps = np.concatenate([values[is_wide] for values in ends])
-        top = float(np.nanmax(curves.dynamic_factor))
-        # Vertical lines, separated by NaN; at least one NaN, for a curve without points.
+        # If the jumps up and down have equal speeds, the directions differ at this speed only.
+        jump_up, jump_down = curves.jump_up_speed.values, curves.jump_down_speed.values
+        is_wide = jump_up > jump_down
+        jumps = np.concatenate([jump_up[is_wide], jump_down[is_wide]])
+        max_factor = float(np.nanmax(curves.dynamic_factor))
+        # Vertical lines are separated by NaN; one NaN is appended for a curve without points.
         x = np.column_stack([jumps, jumps, np.full(jumps.size, np.nan)]).ravel()
-        y = np.tile([0.0, top, np.nan], jumps.size)
+        y = np.tile([0.0, max_factor, np.nan], jumps.size)
         self._set("jumps", np.append(x, np.nan), np.append(y, np.nan))
 
     def _draw_teeth(self, view: View) -> None:
-        """Show derived quantities, Harris map and load share of gears given by geometry."""
+        """Show the derived quantities, the Harris map and the load share of gear geometry."""
         rows = [f"| {name} | {value} |" for name, value in derived_quantities(view)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
         error = view.error
@@ -100,13 +103,14 @@ class Figures:
         self._set("share", *_load_share_along_path(error, error.phase.size // period_count))
 
     def _set(self, name: str, x, y) -> None:
-        """Set the data of the curve `name`."""
+        """Set the points of the curve `name`."""
         self.sources[name].data = {"x": x, "y": y}
 
     def _plot(self, title: str, x: str, y: str, *lines, **options):
-        """Return a figure with axis labels `x` and `y`.
+        """Return a figure with the axis labels `x` and `y` and a curve for each of `lines`.
 
-        Each line is (source name, index in the palette, options); `options` are those of `figure`.
+        A line is a tuple (source name, colour index in `PALETTE`, options of `figure.line`);
+        `options` are passed to `bokeh.plotting.figure`.
         """
         settings = {"sizing_mode": "stretch_both", "min_border_left": _LABEL_WIDTH}
         settings |= {"toolbar_location": None, "title": title} | options
@@ -174,25 +178,30 @@ class Figures:
 
 
 def _load_share_along_path(error, phases: int):
-    """Return position on the path, mm, and load share of the first pair of teeth that comes in.
+    """Return the position on the path of contact, mm, and the load share of a pair of teeth.
 
-    `error` is a dataset of `Mesh.transmission_error` with `phases` phases in each mesh period.
+    Both are arrays over the phases at which the pair is in contact. `error` is a result of
+    `GearStage.transmission_error`, whose last torque counts; a mesh period has `phases` phases.
     """
-    static = error.isel(torque=-1)  # at the chosen torque
+    static = error.isel(torque=-1)
     position, load_share = static.path_position.values, static.load_share.values
-    start = int(np.argmin(position[:phases, 0]))  # where a pair reaches the path of contact
+    # The pair enters the path of contact at this phase.
+    start = int(np.argmin(position[:phases, 0]))
     steps = np.arange(phases * position.shape[1])
-    # After each mesh period the pair has the next index.
+    # After each mesh period the pair is stored under the next index of pairs.
     entries = (start + steps) % len(position), steps // phases
     on_path = np.isfinite(position[entries])
     return 1e3 * position[entries][on_path], load_share[entries][on_path]
 
 
 def _stems(spectrum):
-    """Return x and y of vertical lines, separated by NaN, for the amplitudes of a spectrum."""
+    """Return x and y of vertical lines, separated by NaN, for the amplitudes of an order spectrum.
+
+    The mean force (order 0) and very small amplitudes are left out.
+    """
     amplitude = spectrum.force_amplitude.values
     is_shown = amplitude > _MIN_AMPLITUDE * amplitude[0]
-    is_shown[0] = False  # the mean force
+    is_shown[0] = False
     lower_ends = np.full(is_shown.sum(), _MIN_AMPLITUDE * amplitude[0])
     gaps = np.full(is_shown.sum(), np.nan)
     y = np.column_stack([lower_ends, amplitude[is_shown], gaps]).ravel()
@@ -200,7 +209,10 @@ def _stems(spectrum):
 
 
 def derived_quantities(view: View) -> list[tuple[str, str]]:
-    """Return (name, value with unit) of quantities that follow from the geometry of the gears."""
+    """Return pairs (name, value with unit) of quantities that follow from the gear geometry.
+
+    Dynamic factors and transmission error are those at the chosen speed and torque.
+    """
     mesh, pair = view.mesh, view.pair
     quantities = [
         ("contact ratio", f"{mesh.contact_ratio:.4f}"),
@@ -212,7 +224,7 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.4g} µm"),
         ("C_max", f"{1e-6 * pair.max_stiffness:.4g} N/µm"),
         ("κ", f"{pair.stiffness_ratio:.4f}"),
-        ("ε", f"{pair.contact_ratio:.4f}"),  # of the rectangular stiffness, at most 2
+        ("ε", f"{pair.contact_ratio:.4f}"),
         ("static deflection", f"{1e6 * pair.static_deflection:.4g} µm"),
         ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.6g} Hz"),
         ("resonance speed", f"{pair.speed(1.0):.6g} rpm"),

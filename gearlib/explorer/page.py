@@ -1,6 +1,6 @@
 """The page of the explorer in Panel: sliders of the gears, figures, a note and a download button.
 
-The sliders make the configuration that the button writes.
+The button saves the configuration with the values of the sliders.
 """
 
 import copy
@@ -23,7 +23,7 @@ from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.pair import GearPair
 from gearlib.parameters import Unit, declared_parameters
 
-#: Smallest number of steps of a slider, and tolerance of a number of steps for rounding errors.
+#: Smallest number of steps of a slider; tolerance for rounding errors in numbers of steps.
 _MIN_STEPS, _TOLERANCE = 200, 1e-9
 _SYMBOLS = {"um": "µm", "deg": "°"}
 _GREEK = {"kappa": "κ", "epsilon": "ε", "beta": "β"}
@@ -33,25 +33,27 @@ _GEOMETRY |= {"module", "helix_angle"}
 
 
 class Slider(NamedTuple):
-    """A slider in its displayed unit; `initial` is the initial value in SI units."""
+    """A slider in its displayed unit; only `initial`, the initial value, is in SI units."""
 
     label: str
     initial: float
     low: float
     high: float
     step: float
-    unit: float = 1.0  #: displayed unit in SI
+    unit: float = 1.0  #: size of the displayed unit in SI
 
 
 def slider(label: str, initial: float, low: float, high: float, unit: float = 1.0) -> Slider:
     """Return a slider with limits rounded outwards and a step of 1, 2 or 5 times a power of ten.
 
-    The `initial` value, the limits `low` and `high` and the displayed `unit` are in SI.
+    The `initial` value, the limits `low` and `high`, and `unit`, the size of the displayed unit,
+    are in SI.
     """
     low, high, shown_initial = low / unit, high / unit, initial / unit
     max_step = (high - low) / _MIN_STEPS
     power = 10.0 ** math.floor(math.log10(max_step) + _TOLERANCE)
-    step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= max_step * (1.0 + _TOLERANCE))
+    factors = [m for m in (1.0, 2.0, 5.0) if m * power <= max_step * (1.0 + _TOLERANCE)]
+    step = power * max(factors)
     low = min(math.floor(low / step + _TOLERANCE) * step, shown_initial)
     high = max(math.ceil(high / step - _TOLERANCE) * step, shown_initial)
     low, high, step = (float(f"{value:.12g}") for value in (low, high, step))
@@ -59,11 +61,15 @@ def slider(label: str, initial: float, low: float, high: float, unit: float = 1.
 
 
 def parameter_slider(model: type, name: str, initial: float, low: float, high: float) -> Slider:
-    """Return the slider of a declared parameter of a class; initial value and limits are in SI."""
+    """Return a slider for the declared parameter `name` of a model class.
+
+    The initial value and the limits are in SI. The label and the displayed unit come from the
+    declaration.
+    """
     parameter = declared_parameters(model)[name]
     number, label = parameter.number or Unit("1"), parameter.long_name
     unit_name = number.example.partition(" ")[2]
-    # Show forces in N rather than kN.
+    # Forces are shown in N rather than kN.
     unit_name = number.unit if unit_name.startswith("k") else unit_name
     unit = units.read(f"1 {unit_name}", number.unit) if unit_name else 1.0
     for letter, greek in _GREEK.items():
@@ -76,8 +82,9 @@ def parameter_slider(model: type, name: str, initial: float, low: float, high: f
 class Sliders:
     """The sliders of a configuration with one of its dampings.
 
-    Gears given by geometry have sliders of geometry and speed, others of pair and tuning.
-    `abscissa` is the name of the slider that is the abscissa of the resonance curve.
+    Gears given by geometry have sliders of geometry and speed, other gears have sliders of the
+    parameters of the pair and of the tuning. `abscissa` is the name of the slider whose quantity is
+    on the horizontal axis of the resonance curve.
     """
 
     def __init__(self, mapping: dict, damping: str):
@@ -90,7 +97,7 @@ class Sliders:
             self.pair, self.stiffness_model = pairs_of_teeth.pair, pairs_of_teeth.stiffness_model
         else:
             self.pair = model(settings.pair(damping))
-        # Rounding restores ratios from which the coefficients were computed.
+        # Rounding restores the ratios from which the coefficients were computed.
         ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
         self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
         make_sliders = self._geometry_sliders if self.by_geometry else self._pair_sliders
@@ -102,7 +109,10 @@ class Sliders:
         self.abscissa = "speed" if self.by_geometry else "tuning"
 
     def _pair_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
-        """Return (heading, name -> slider) of a gear pair: tuning and parameters."""
+        """Return the heading of the page and the sliders, by name, of a gear pair.
+
+        `settings` is the validated configuration.
+        """
         pair, grid, tuning = self.pair, settings.resonance, settings.phase_planes.tunings[0]
         # Infinite backlash is shown as four static deflections.
         backlash = pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
@@ -119,7 +129,10 @@ class Sliders:
         return heading, sliders
 
     def _geometry_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
-        """Return (heading, name -> slider) of gear geometry, and keep the mesh in `self.mesh`."""
+        """Return the heading of the page and the sliders, by name, of gear geometry.
+
+        `settings` is the validated configuration, whose stage is kept in `self.mesh`.
+        """
         self.mesh = mesh = settings.gears.mesh()
         torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
         reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
@@ -154,11 +167,12 @@ class Sliders:
         return heading, sliders
 
     def configuration(self, values: dict[str, float]) -> dict:
-        """Return the configuration changed by the `values` of sliders in SI, by their names.
+        """Return the configuration with the values of the sliders.
 
-        Keys of sliders that were not moved stay unchanged. Raise ValueError for impossible gears.
+        `values` has the value of each slider in SI, by name. Keys of sliders that were not moved
+        stay unchanged. Raise ValueError for impossible gears.
         """
-        moved = {name for name, s in self.sliders.items() if values[name] != s.initial}
+        moved = {name for name, slider in self.sliders.items() if values[name] != slider.initial}
         changed = copy.deepcopy(self.mapping)
         if moved - {"tuning", "speed"}:
             ratios = {name: values[name] for name in ("damping_ratio", "backlash_damping_ratio")}
@@ -180,7 +194,8 @@ class Sliders:
     def _apply_to_geometry(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
         """Write the values of the `moved` sliders into the section `gears` of the configuration.
 
-        Tip diameters change so that the addendum in modules is preserved.
+        `values` has the value of each slider in SI, by name. Tip diameters are changed so that the
+        addendum, in modules, is preserved.
         """
         for name in moved & {"module", "width", "helix_angle"}:
             gears["pinion"][name] = values[name]
@@ -207,7 +222,7 @@ class Sliders:
             gears.pop("centre_distance", None)
         if "backlash" in moved:
             gears["backlash"] = values["backlash"]
-        # If the power is given, another speed would change the torque.
+        # The torque replaces a given power, because with the power another speed would change it.
         if "torque" in moved or ("speed" in moved and "power" in gears):
             gears.pop("power", None)
             gears["torque"] = values["torque"]
@@ -217,7 +232,7 @@ class Sliders:
             self._apply_tip_relief(gears, values["tip_relief"])
 
     def _apply_tip_relief(self, gears: dict, amount: float) -> None:
-        """Scale the tip reliefs so that the largest becomes `amount`, in m.
+        """Scale the tip reliefs in the section `gears` so that the largest becomes `amount`, m.
 
         If there are none, both gears get tip relief of the largest possible length.
         """
@@ -226,8 +241,10 @@ class Sliders:
             length = float(f"{Gears.model_validate(gears).mesh().longest_relief:.12g}")
             for gear in ("pinion", "wheel"):
                 gears[gear]["tip_relief"] = {"amount": amount, "length": length}
-        for gear in ("pinion", "wheel") if initial_amount else ():
-            if relief := getattr(self.mesh, gear).tip_relief:
+            return
+        for gear in ("pinion", "wheel"):
+            relief = getattr(self.mesh, gear).tip_relief
+            if relief:
                 gears[gear]["tip_relief"]["amount"] = relief.amount / initial_amount * amount
 
 
@@ -250,7 +267,10 @@ class Page:
         self.update()
 
     def pick(self, event) -> None:
-        """Set the speed or tuning slider to the position of a click into the resonance curve."""
+        """Set the speed or tuning slider to the position of a click in the resonance curve.
+
+        `event` is the tap event of Bokeh, with the position `x` in data coordinates.
+        """
         widget = self.widgets[self.slider_set.abscissa]
         value = widget.start + round((event.x - widget.start) / widget.step) * widget.step
         widget.value = min(max(float(f"{value:.12g}"), widget.start), widget.end)
@@ -259,7 +279,7 @@ class Page:
         """Return the configuration with the current values of all sliders."""
         values = {}
         for name, slider in self.slider_set.sliders.items():
-            # Moved values are rounded to 12 digits; sliders not moved keep the exact value.
+            # Moved sliders have values rounded to 12 digits, other sliders the exact initial value.
             value = self.widgets[name].value
             is_moved = value != _initial_value(slider)
             values[name] = float(f"{value * slider.unit:.12g}") if is_moved else slider.initial
@@ -268,15 +288,19 @@ class Page:
         return self.slider_set.configuration(values)
 
     def update(self, *_) -> None:
-        """Compute and draw the results for the slider values, or show why they are invalid."""
-        start, visible = time.perf_counter(), True
+        """Compute and draw the results for the slider values, or show why they are invalid.
+
+        Panel passes events, which are not needed.
+        """
+        start, is_valid = time.perf_counter(), True
         try:
             note = self.figures.draw(compute_view(self.configuration(), self.slider_set.damping))
             note += f" *Computed in {1e3 * (time.perf_counter() - start):.0f} ms.*"
         except ValueError as error:
-            note, visible = str(error), False
-        self.note.object, self.button.disabled = note, not visible
-        self.figure_column.visible = visible
+            note, is_valid = str(error), False
+        self.note.object = note
+        self.button.disabled = not is_valid
+        self.figure_column.visible = is_valid
 
     def file(self) -> io.BytesIO:
         """Return the current configuration as a YAML file, for the download button."""
@@ -299,7 +323,7 @@ def _initial_value(slider: Slider) -> float:
 
 
 def _widget(slider: Slider):
-    """Return the Panel widget of a slider."""
+    """Return the Panel widget of a slider, in its displayed unit."""
     settings = {"start": slider.low, "end": slider.high, "step": slider.step}
     settings |= {"value": _initial_value(slider), "format": "0[.][00000]"}
     return pn.widgets.FloatSlider(label=slider.label, **settings)

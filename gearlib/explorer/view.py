@@ -1,4 +1,4 @@
-"""Computation of the results of a configuration that the explorer draws."""
+"""Computation of the results that the explorer draws for a configuration."""
 
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -19,17 +19,18 @@ from gearlib.studies.teeth_over_speed import SPEED_RANGE, over_speed
 
 #: Mesh periods of the time history that is drawn, and samples of each.
 SHOWN_PERIODS, SAMPLES = 3, 256
-#: Points of a resonance curve; mesh periods of each, of which the last are evaluated.
+#: Points of a resonance curve; mesh periods of each run, and number of the last, evaluated ones.
 _POINTS, _PERIODS, _RECORDED = 500, 70, 10
 #: Speeds of the curves of gears given by geometry.
 _SPEEDS = 301
-#: Mesh periods of the motion at the setting before its record, and the longest record of them.
+#: Mesh periods of the single run before its record, and largest number of recorded periods.
 _SETTLING_PERIODS, _MAX_RECORDED = 280, 100
 #: Ends of the resonance curve of gears given by geometry, over the resonance speed.
 MIN_SPEED_RATIO, MAX_SPEED_RATIO = SPEED_RANGE
-#: Torques of the Harris map besides the given one, over it.
+#: Torques of the Harris map besides the chosen torque, relative to it.
 TORQUE_RATIOS = 0.0, 0.5, 1.5, 2.0
-#: Phases of a mesh period; largest number of all phases with pitch errors, smallest of a period.
+#: Number of phases of a mesh period; with pitch errors, largest total number of phases and smallest
+#: number per mesh period.
 _PHASES, _MAX_PHASES, _MIN_PHASES = 256, 2048, 16
 #: Phases of a mesh period of helical gears, whose face is divided into slices.
 _HELICAL_PHASES = 64
@@ -38,46 +39,52 @@ _HELICAL_PHASES = 64
 class View(NamedTuple):
     """The results of one configuration at its speed or tuning."""
 
-    pair: GearPair  #: of gears given by geometry, that of their pairs of teeth
-    run: xr.Dataset  #: of `gearlib.simulate` at the speed or tuning
+    pair: GearPair  #: gear pair with a rectangular stiffness
+    run: xr.Dataset  #: result of `gearlib.simulate` at the speed or tuning
     multipliers: np.ndarray  #: Floquet multipliers, empty if no orbit was found
     message: str  #: sentences about the motion
-    orders: xr.Dataset | None  #: order spectrum, if the run did not fail
-    up: Any = None  #: of a sweep up of gears given by numbers
-    down: Any = None  #: of a sweep down
-    curves: Any = None  #: of `over_speed` of gears given by geometry
-    mesh: Any = None  #: of gears given by geometry
-    error: Any = None  #: `Mesh.transmission_error` at torques
+    orders: xr.Dataset | None  #: order spectrum, None if the run has failed
+    up: Any = None  #: sweep up, without gear geometry
+    down: Any = None  #: sweep down, without gear geometry
+    curves: Any = None  #: result of `over_speed`, with gear geometry
+    mesh: Any = None  #: `GearStage`, with gear geometry
+    error: Any = None  #: result of `GearStage.transmission_error` at several torques
 
 
 def compute_view(mapping: dict, damping: str) -> View:
-    """Return the results of a configuration with the named damping at its speed or first tuning.
+    """Return the results of a configuration at its first tuning.
 
-    Raise ValueError if the gears are impossible.
+    `mapping` is the content of the configuration, `damping` the name of one of its dampings. Raise
+    ValueError if the gears are impossible.
     """
     settings = config.load(mapping)
     pair = model(settings.pair(damping))
     tuning = settings.phase_planes.tunings[0]
     if settings.gears is None:
         tunings = np.linspace(settings.resonance.start, settings.resonance.stop, _POINTS)
-        # The kernels release the interpreter lock.
+
+        def resonance_curve(direction):
+            return _resonance_curve(pair, tunings, direction)
+
+        # Threads run in parallel, because the kernels release the interpreter lock.
         with ThreadPoolExecutor(2) as pool:
-            up, down = pool.map(lambda to: _resonance_curve(pair, tunings, to), ("up", "down"))
+            up, down = pool.map(resonance_curve, ("up", "down"))
         return _view_of_motion(pair, tuning)._replace(up=up, down=down)
     gears = settings.gears
     mesh, torque = gears.mesh(), gears.driving_torque()
     pairs_of_teeth = model(settings.gears_model(damping, pitch_errors=True))
     resonance_speed, speed = float(pairs_of_teeth.speed(1.0)), float(pair.speed(tuning))
-    lowest = min(MIN_SPEED_RATIO * resonance_speed, speed)
-    highest = max(MAX_SPEED_RATIO * resonance_speed, speed)
-    # The whole cycle of pitch errors is too long for each speed.
+    min_speed = min(MIN_SPEED_RATIO * resonance_speed, speed)
+    max_speed = max(MAX_SPEED_RATIO * resonance_speed, speed)
+    # The whole cycle of pitch errors would take too long at each speed.
     without_errors = pairs_of_teeth.replace(pitch_errors=(0.0,))
     periods = {"periods": _PERIODS, "record_periods": _RECORDED}
-    curves = over_speed(without_errors, np.linspace(lowest, highest, _SPEEDS), speed, **periods)
+    speeds = np.linspace(min_speed, max_speed, _SPEEDS)
+    curves = over_speed(without_errors, speeds, speed, **periods)
     # The same teeth meet again after as many mesh periods as there are pitch errors.
     repeat_periods = len(mesh.pitch_errors)
-    most_phases = _HELICAL_PHASES if mesh.overlap_ratio else _PHASES
-    phases = max(_MIN_PHASES, min(most_phases, _MAX_PHASES // repeat_periods))
+    max_phases = _HELICAL_PHASES if mesh.overlap_ratio else _PHASES
+    phases = max(_MIN_PHASES, min(max_phases, _MAX_PHASES // repeat_periods))
     torques = [*(ratio * torque for ratio in TORQUE_RATIOS), torque]
     options = {name: getattr(pairs_of_teeth, name) for name in ("stiffness", "coupling", "twist")}
     error = mesh.transmission_error(torques, phases=phases, **options)
@@ -93,7 +100,7 @@ def compute_view(mapping: dict, damping: str) -> View:
 
 
 def _resonance_curve(pair: GearPair, tunings: np.ndarray, direction: str) -> xr.Dataset:
-    """Return a sweep "up" or "down" of gears given by numbers, NaN where it is unbounded."""
+    """Return a sweep "up" or "down" of a gear pair, with NaN where the motion is unbounded."""
     settings = {"periods": _PERIODS, "record_periods": _RECORDED, "threads": 1}
     curve = sweep(pair, tunings, direction=direction, **settings)
     # Motions far beyond the larger of backlash and static deflection count as unbounded.
@@ -103,8 +110,8 @@ def _resonance_curve(pair: GearPair, tunings: np.ndarray, direction: str) -> xr.
 def _view_of_motion(model: Any, tuning: float, repeat_periods: int = 1) -> View:
     """Return the `View` of the motion of a model at a tuning, without curves over the speed.
 
-    Pitch errors repeat after `repeat_periods` mesh periods. Pairs of teeth start in static
-    equilibrium.
+    Pairs of teeth start in static equilibrium, a gear pair from rest. Pitch errors repeat after
+    `repeat_periods` mesh periods.
     """
     # The record spans a revolution, or with pitch errors the periods until the same teeth meet.
     recorded = max(round(model.periods_per_revolution), min(repeat_periods, _MAX_RECORDED))
@@ -131,7 +138,10 @@ def _view_of_motion(model: Any, tuning: float, repeat_periods: int = 1) -> View:
 
 
 def _floquet_multipliers(model, run: xr.Dataset) -> np.ndarray:
-    """Return the Floquet multipliers of the orbit of a settled run, or an empty array."""
+    """Return the Floquet multipliers of the orbit on which a run has settled.
+
+    Return an empty array if the run has not settled or no orbit is found.
+    """
     if not int(run.period):
         return np.empty(0)
     try:

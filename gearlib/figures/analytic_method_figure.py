@@ -37,20 +37,17 @@ def draw_convergence(data: xr.Dataset):
     Newton step (`algebraic_step`) solves for the degenerate (near-resonant) harmonics.
     """
     figure = style.page_figure(height=7.6)
-    iterate_area, error_area, contraction_area = figure.subfigures(
-        3, 1, height_ratios=[2.3, 2.0, 3.3]
-    )
-    _draw_iterates(iterate_area, data)
-    error_axes = panels.draw_panels(
-        data, "iteration", "iterate_error", panel="shown", figure=error_area
-    )
+    areas = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
+    _draw_iterates(areas[0], data)
+    options = {"panel": "shown", "figure": areas[1]}
+    error_axes = panels.draw_panels(data, "iteration", "iterate_error", **options)
     for i, axes in enumerate(error_axes[0]):
         error = data.iterate_error[i].where(data.algebraic_step[i] == 1)
         label = "a step of the degenerate part follows"
         style.draw_markers(axes, data.iteration, error, "o", "#D55E00", 3.5, label=label)
         axes.set(yscale="log", title="")
-    style.legend(error_area, error_axes[0, 0], columns=1)
-    _draw_contraction(contraction_area, data)
+    style.legend(areas[1], error_axes[0, 0], columns=1)
+    _draw_contraction(areas[2], data)
     return figure
 
 

@@ -98,8 +98,7 @@ def draw_sections(data: xr.Dataset):
         is_chaotic = case.chaotic.values == _CHAOTIC
         is_undecided = case.chaotic.values == _UNDECIDED
         colours = np.resize(_REGULAR_COLOURS, is_chaotic.size)
-        colours[is_chaotic] = _CHAOTIC_COLOUR
-        colours[is_undecided] = _UNDECIDED_COLOUR
+        colours[is_chaotic], colours[is_undecided] = _CHAOTIC_COLOUR, _UNDECIDED_COLOUR
         # Chaotic orbits are drawn first, so that islands in them are visible.
         for j in np.argsort(~is_chaotic, kind="stable"):
             states, size = (case.displacement[j], case.velocity[j]), 0.9 if is_chaotic[j] else 1.2
@@ -124,18 +123,15 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
     means random initial states; several directions may begin with the same word.
     """
     figure = style.page_figure(height=6.6)
-    diagram_axes, exponent_axes, share_axes = figure.subplots(
-        3, 1, sharex=True, height_ratios=(2.4, 1.0, 1.4)
-    )
+    grid = figure.subplots(3, 1, sharex=True, height_ratios=(2.4, 1.0, 1.4))
+    diagram_axes, exponent_axes, share_axes = grid
     for kind, (label, colour, size) in _DIRECTIONS.items():
         for direction in diagram.direction.values:
             if direction.split()[0] != kind:
                 continue
             motion = diagram.sel(direction=direction)
-            strobes = motion.displacement.transpose("tuning", "strobe")
-            style.draw_markers(
-                diagram_axes, motion.tuning, strobes, ".", colour, size, **_MARKER_OPTIONS
-            )
+            points = motion.tuning, motion.displacement.transpose("tuning", "strobe")
+            style.draw_markers(diagram_axes, *points, ".", colour, size, **_MARKER_OPTIONS)
             diagram_axes.lines[-1].set_label(label)
             _draw_exponents(exponent_axes, motion, colour, warm_started=kind != "cold")
     if branches is not None:

@@ -17,18 +17,18 @@ from matplotlib.patches import Patch
 
 from gearlib.figures import panels, style
 
-_PANEL_HEIGHT, _LEGEND_HEIGHT = 2.15, 1.25
+_PANEL_HEIGHT, _LEGEND_HEIGHT = 2.3, 1.25
 _GREY_AREA = {"color": style.AREA_COLOURS["no contact"], "linewidth": 0, "zorder": 0}
 
 #: Problem -> title of its panel.
 PROBLEMS = {
-    "smooth": "damped, $\\nu_s$ = 0.7",
-    "bouncing": "damped, $\\nu_s$ = 0.9",
-    "near_fold": "damped in contact, $\\nu_s$ = 0.815",
-    "conservative": "conservative, $\\nu_s$ = 0.9",
-    "six_degrees": "six degrees of freedom, $\\nu_s$ = 0.82",
-    "cubic": "cubic damping, $\\nu_s$ = 0.9",
-    "reducer": "gear train of six meshes, $\\nu_s$ = 0.9",
+    "smooth": "contact is never lost\n(damped, $\\nu_s$ = 0.7)",
+    "bouncing": "contact is lost in each period\n(damped, $\\nu_s$ = 0.9)",
+    "near_fold": "close to a fold\n(damped, $\\nu_s$ = 0.815)",
+    "conservative": "chaotic\n(no damping, $\\nu_s$ = 0.9)",
+    "six_degrees": "six degrees of freedom\n($\\nu_s$ = 0.82)",
+    "cubic": "nonlinear differential equation\n(cubic damping, $\\nu_s$ = 0.9)",
+    "reducer": "gear train with six meshes\n($\\nu_s$ = 0.9)",
 }
 #: Family of methods -> (label, colour, dashes).
 _FAMILIES = {
@@ -175,9 +175,8 @@ def draw_failures(matrix: xr.Dataset):
     methods, its variable `words` describes the problems, `error` is written below the letter of the
     verdict. A star marks a run over fewer mesh periods than other runs of its row.
     """
-    verdict_styles = [
-        _VERDICT_STYLES[name] for name in matrix.verdict.attrs["flag_meanings"].split()
-    ]
+    verdict_names = matrix.verdict.attrs["flag_meanings"].split()
+    verdict_styles = [_VERDICT_STYLES[name] for name in verdict_names]
     periods = matrix.periods.values
     is_shortened = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
     rows, columns = matrix.verdict.shape
@@ -283,9 +282,8 @@ def draw_stability(chart: xr.Dataset):
             min_steps[(min_steps < steps[0]) | (min_steps > steps[-1])] = np.nan
             axes.plot(tuning, min_steps, color="black", linestyle="--", linewidth=0.8)
     radius_axes = figure.add_subplot(grid[rows, :])
-    panels.draw_curves(
-        radius_axes, chart, "fine_tuning", "true_radius", color="black", linewidth=0.8
-    )
+    options = {"color": "black", "linewidth": 0.8}
+    panels.draw_curves(radius_axes, chart, "fine_tuning", "true_radius", **options)
     radius_axes.set(xlabel=panels.axis_label(chart.tuning), ylabel="true radius")
     radius_axes.set_xlim(tuning[0], tuning[-1])
     handles = [Patch(facecolor=colour, edgecolor="grey", label=name) for name, colour in VERDICTS]

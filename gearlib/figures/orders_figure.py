@@ -159,11 +159,8 @@ def order_map(
             value, allowed = data.attrs[attribute], found.attrs[attribute]
             checks.require(value == allowed, f"measured.{attribute}", value, repr(allowed))
     found, unit = _in_decibels(found, vertical)
-    if levels is None:
-        high = float(found.level.max())
-        low = high - LEVEL_RANGE
-    else:
-        low, high = levels
+    high = float(found.level.max())
+    low, high = (high - LEVEL_RANGE, high) if levels is None else levels
     colours = {"cmap": "magma", "vmin": low, "vmax": high}
     directions = np.unique(found.direction)[::-1]
     if figure is None:
@@ -186,9 +183,8 @@ def order_map(
             measured_run = _select_direction(_in_decibels(measured, vertical)[0], direction)
             _draw_circles(map_axes, measured_run, colours)
             options = {"zorder": 1, "label": "measured"}
-            style.draw_markers(
-                level_axes, measured_run.rpm, measured_run.overall, ".", "#8C8C8C", 2.0, **options
-            )
+            points = measured_run.rpm, measured_run.overall
+            style.draw_markers(level_axes, *points, ".", "#8C8C8C", 2.0, **options)
         level_axes.set_xlabel("speed (rpm)")
         # With more ticks, speeds of five digits would overlap.
         level_axes.locator_params(axis="x", nbins=5)
@@ -264,12 +260,8 @@ def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
     `run` has variables of `_in_decibels`. `frequencies` is a result of
     `gearlib.characteristic_frequencies`; its frequencies are in Hz at its `speed` in rpm.
     """
-    names = [
-        name
-        for name, variable in frequencies.data_vars.items()
-        if variable.attrs.get("units") == "Hz" and name in LEGEND
-    ]
-    for i, name in enumerate(names):
+    in_hertz = frequencies.filter_by_attrs(units="Hz").data_vars
+    for i, name in enumerate([name for name in in_hertz if name in LEGEND]):
         hertz = np.unique(np.round(frequencies[name].values, 9))
         orders = hertz[np.isfinite(hertz) & (hertz > 0.0)] * 60.0 / float(frequencies.speed)
         label = LEGEND[name]

@@ -92,13 +92,9 @@ def _origin(dataset: xr.Dataset) -> dict[str, str]:
 
 def _label(properties: dict[str, str]) -> str:
     """Return the legend label of a curve from its properties (label, damping, direction, ...)."""
-    texts = []
-    for name, value in properties.items():
-        if name == "direction":
-            texts.append(DIRECTION_LABELS.get(value, value))
-        else:
-            texts.append(style.typeset_dampings(value))
-    return ", ".join(texts)
+    if properties.get("direction") in DIRECTION_LABELS:
+        properties = properties | {"direction": DIRECTION_LABELS[properties["direction"]]}
+    return ", ".join(map(style.typeset_dampings, properties.values()))
 
 
 def _curve_styles(properties: list[dict[str, str]]) -> Iterator[CurveStyle]:

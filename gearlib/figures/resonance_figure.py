@@ -51,9 +51,9 @@ def draw_resonance(
     rows = -(-len(curve_styles) // columns)
     heights = [_MAIN_HEIGHT + _PANEL_HEIGHT * forces, _PANEL_HEIGHT * rows + _LEGEND_HEIGHT]
     figure = style.page_figure(sum(heights[: 1 + with_panels]))
-    upper_area, lower_area = (
-        figure.subfigures(2, 1, height_ratios=heights) if with_panels else (figure, None)
-    )
+    upper_area = lower_area = figure
+    if with_panels:
+        upper_area, lower_area = figure.subfigures(2, 1, height_ratios=heights)
     ratios = [_MAIN_HEIGHT, _PANEL_HEIGHT][: 1 + forces]
     grid = upper_area.subplots(1 + forces, sharex=True, squeeze=False, height_ratios=ratios)
     _draw_characteristics(grid[0, 0], from_rest, curve_styles, measured, coast_side=not forces)
@@ -281,21 +281,15 @@ def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     figure = style.page_figure(height=6.0)
     displacement_axes, force_axes = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
     sweeps = [_in_micrometres(sweeps_from_rest(data.sortby("tuning"))) for data in curves]
-    displacement_axes.set_ylim(
-        style.limits(*(shown_range(case_sweeps, EXTREMA) for case_sweeps in sweeps))
-    )
-    force_axes.set_ylim(
-        0.0, 1.05 * max(shown_range(case_sweeps, FORCE)[1] for case_sweeps in sweeps)
-    )
+    displacement_axes.set_ylim(style.limits(*(shown_range(data, EXTREMA) for data in sweeps)))
+    force_axes.set_ylim(0.0, 1.05 * max(shown_range(data, FORCE)[1] for data in sweeps))
     cases = zip(sweeps, labels, style.curve_styles(range(len(sweeps))).values(), strict=True)
     for number, (case_sweeps, case, case_style) in enumerate(cases):
         dampings = [str(name) for name in case_sweeps.damping.values]
         curve_styles = style.curve_styles(dampings, dict.fromkeys(dampings, case_style.colour))
         for name, curve_style in curve_styles.items():
             sweep, marker_shift = case_sweeps.sel(damping=name), number / len(sweeps)
-            label = (
-                f"{case}, {style.typeset_dampings(name)}" if case_sweeps.damping.size > 1 else case
-            )
+            label = case if len(dampings) == 1 else f"{case}, {style.typeset_dampings(name)}"
             draw_sweep(displacement_axes, sweep, curve_style, marker_shift, label=label)
             draw_sweep(force_axes, sweep, curve_style, marker_shift, FORCE)
     displacement_axes.set_ylabel("displacement (µm)")

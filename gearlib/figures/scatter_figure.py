@@ -58,12 +58,10 @@ def draw_bands(scattered: xr.Dataset):
             options = {"color": curve_style.colour, "alpha": _BAND_OPACITY, "linewidth": 0}
             band_axes.fill_between(x, low, high, **options)
             band_axes.plot(x, median, **line)
-        probability_axes.plot(
-            x, scattered.contact_loss_probability.sel(direction=direction), **line
-        )
-        handles.append(
-            style.legend_entry(_DIRECTIONS[direction], curve_style.colour, curve_style.line)
-        )
+        probability = scattered.contact_loss_probability.sel(direction=direction)
+        probability_axes.plot(x, probability, **line)
+        label = _DIRECTIONS[direction]
+        handles.append(style.legend_entry(label, curve_style.colour, curve_style.line))
     handles.append(Patch(color="black", alpha=_BAND_OPACITY, lw=0, label="5 to 95 %"))
     band_axes.legend(handles=handles)
     if "two_motions_probability" in scattered:

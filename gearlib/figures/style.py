@@ -219,11 +219,10 @@ def second_scale(axes: Axes, factor: float, label: str, side="top", position: fl
     `position` is in axes coordinates; by default the scale is on the frame.
     """
     forward_and_inverse = (lambda value: value * factor), (lambda value: value / factor)
-    location = position or side
     if side == "top":
-        axes.secondary_xaxis(location, functions=forward_and_inverse).set_xlabel(label)
+        axes.secondary_xaxis(position or side, functions=forward_and_inverse).set_xlabel(label)
     else:
-        axes.secondary_yaxis(location, functions=forward_and_inverse).set_ylabel(label)
+        axes.secondary_yaxis(position or side, functions=forward_and_inverse).set_ylabel(label)
 
 
 def length_scale(axes: Axes, deflection: float, label: str, side="right"):

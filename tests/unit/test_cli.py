@@ -130,7 +130,7 @@ def test_gears_are_described_by_the_properties_their_model_uses(run):
 def test_a_run_up_an_orbit_and_trust_print_their_results(run):
     # Below this line stands the revolution with the largest force.
     line = "run-up PAIR --start 2000rpm --stop 2500 --acceleration 1000"
-    assert "revolutions; that of the largest force" in run(line)
+    assert "revolutions; the revolution of the largest force" in run(line)
     assert "acceleration = 1000.0 is not allowed" in run(f"{line} --duration 1", code=2)
     output, orbit = run("orbit PAIR --tuning 0.7"), gearlib.periodic_orbit(K1, 0.7)
     assert "stable orbit of period 1" in output
