@@ -1,1 +1,1 @@
-"""Many coordinates and several meshes, linear between events: modes of every combination."""
+"""Many coordinates and several meshes, linear between events: modes of contact combinations."""

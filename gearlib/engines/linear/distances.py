@@ -218,7 +218,8 @@ def find_first_events(tables, combination, constants, work, end):
             curves, y, offset, rounding = work.to_bernstein, work.distance_series[0, 0], 0.0, 0.0
             if combination == SERIES:
                 y = work.distance_series[(line + 1) // 2, j]
-                # The entry behind the coefficients is the sum of the magnitudes of their terms.
+                # The entry after the coefficients scales the rounding error, see
+                # `fill_distance_series`.
                 rounding = _ROUNDING * y[curves.shape[0]]
             else:
                 curves, y = tables.curves[combination, (line + 1) // 2, j], work.modal_state

@@ -68,17 +68,17 @@ def _bernstein_of_powers(degree):
                 for j in range(d + 2)
             ]
         chebyshev.append(coefficients)
-    rows = []
+    power_rows = []
     for k in range(_TERM_COUNT):
-        row = [Fraction(0)] * (degree + 1)
+        power_coefficients = [Fraction(0)] * (degree + 1)
         for n in range(k % 2, min(k, degree) + 1, 2):
             weight = Fraction(math.comb(k, (k - n) // 2), 2 ** (k - 1 if n else k))  # of T_n in x^k
-            row = [
+            power_coefficients = [
                 value + weight * coefficients
-                for value, coefficients in zip(row, chebyshev[n], strict=True)
+                for value, coefficients in zip(power_coefficients, chebyshev[n], strict=True)
             ]
-        rows.append([float(value) for value in row])
-    return np.array(rows)
+        power_rows.append([float(value) for value in power_coefficients])
+    return np.array(power_rows)
 
 
 class ModalFrame:
@@ -130,7 +130,7 @@ class ModalFrame:
         # A state has displacements and velocities of the modes, then of the rigid-body motions.
         rigid_velocities = range(elastic_size + size // 2 - mode_count, size)
         velocities = [*range(mode_count, elastic_size), *rigid_velocities]
-        # The angles of free rotations cause no forces.
+        # The displacements of rigid-body motions cause no forces.
         entries = np.ix_(velocities, [*range(elastic_size), *rigid_velocities])
         matrix = frame.to_frame @ system.base_matrix[:size, :size] @ frame.from_frame
         frame.base_matrix[entries] = matrix[entries]

@@ -1,4 +1,4 @@
-"""A run of a gear train through mesh periods, of which the last ones are recorded."""
+"""Run of a gear train through mesh periods, of which the last periods are recorded."""
 
 import math
 

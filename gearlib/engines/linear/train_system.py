@@ -125,9 +125,10 @@ def flanks_may_overlap(drive_lines, coast_lines, constant_index):
 
     The lines, shape (..., n), are row vectors of the distances from the drive-side and the
     coast-side line; both flanks touch where drive distance >= 0 >= coast distance. The clearance,
-    coast distance less drive distance, is provably positive if it does not depend on coordinates
-    and its constant, at `constant_index`, exceeds the sum of the amplitudes of its harmonics, which
-    follow the constant. Otherwise a run has to check it.
+    coast distance less drive distance, is provably not negative if it does not depend on
+    coordinates and either has no harmonics or has a constant, at `constant_index`, that exceeds the
+    sum of the amplitudes of the harmonics, which follow the constant. Otherwise a run has to check
+    it.
     """
     clearance = (coast_lines - drive_lines).real
     cosines = clearance[..., constant_index + 1 :: 2]

@@ -4,7 +4,7 @@ In static deflections and mesh phase, for one contact code and one sign of x',
 
     x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) (g + p2 |g| g + p3 g^3),
 
-every term is a polynomial in x, x' and the series of c and F, so that the coefficients of the
+all terms are polynomials in x, x' and the series of c and F, so that the coefficients of the
 solution follow from each other by Cauchy products. F, e and c contain the factor 1 / nu^2. The
 newest coefficient enters a product linearly and is added last, so that the processor can compute
 the other sums in parallel.

@@ -168,8 +168,8 @@ def _expand_law(law, t, speed, acceleration):
 def _fill_product(series, quantity, law):
     """Fill the row `quantity` of `series` with the Taylor series of factor * x - offset.
 
-    `law` has the five Taylor coefficients of the factor and those of the offset; the row
-    DISPLACEMENT of `series` holds x.
+    `law` has five Taylor coefficients of the factor and five of the offset; the row DISPLACEMENT of
+    `series` holds x.
     """
     factors, offsets = law
     for k in range(ORDER + 1):
@@ -479,7 +479,7 @@ def run_tooth_pairs(
                 if period_maps.shape[0] > 0:
                     _map_step(force_law, t, damping, force_scale, h, period_maps[period])
                 if recorded >= 0:
-                    # The lower stiffness is that of a single pair.
+                    # A single pair of teeth has the lower stiffness.
                     low = contact_set < coast_set and contact_set & (contact_set - 1) == 0
                     add_step_to_summary(
                         tuning, low, to_bernstein, h, contact_code, series, work, summary
