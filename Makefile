@@ -1,29 +1,29 @@
-# make         set up .venv with the pinned packages and compute everything, results/
-# make test    the packages of the tests as well, and all checks: style, imports, a small workflow
-# make lint    the checks of style, formatting, imports and types only
-# make golden  renew the golden numbers of tests/golden, and the pictures of the figures
-# make references  renew the references in 50 digits that tests take from tests/references
-# make peers   add heyoka to .venv, a solver that method= can call, where it installs
-# make couple-test  tests with FMPy, ROSS and OpenTorsion, which it installs into .venv
-# make torture  50 times kill -9, full and read-only disks, damaged files: minutes
-# make random-trains  500 random gear trains against scipy, event by event: ten minutes
-# make random-certificates  10,000 random orbits: what is proven of them, wrong candidates: minutes
+# make         set up .venv with the pinned packages and compute everything in results/
+# make test    also install the packages of the tests, and run all checks and tests
+# make lint    check style, formatting, imports and types only
+# make golden  renew the golden data in tests/golden, and the pictures of the figures
+# make references  renew the references in 50 digits in tests/references
+# make peers   install heyoka, a solver that method= can call, into .venv if available
+# make couple-test  run the tests with FMPy, ROSS and OpenTorsion, and install these into .venv
+# make torture  test 50 kills, full and read-only disks, and damaged files; takes minutes
+# make random-trains  compare 500 random gear trains with scipy event by event; takes ten minutes
+# make random-certificates  certify 10,000 random orbits and wrong candidates; takes minutes
 # make real-gearboxes  read the REXS files in the folder REXS, which are not part of the project
-# make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
-# make bench   speed of the library on this machine
-# make report  results/report.html, all figures, tables and claims on one page
-# make docs    build/docs/index.html, the documentation as a site
-# make speed-and-accuracy  after `make peers`: renew numbers and pictures of that page: 20 min
-# make wheel   build wheel and source archive into dist/, and try both in a fresh environment
-# make clean   remove the results; `make distclean` the environment as well
+# make slurm-test  run the workflow on a real Slurm of one node; root also gets Debian's packages
+# make bench   measure the speed of the library on this machine
+# make report  write results/report.html, all figures, tables and claims on one page
+# make docs    build the documentation as a site, build/docs/index.html
+# make speed-and-accuracy  renew the numbers and pictures of this page, after `make peers`; 20 min
+# make wheel   build wheel and source archive in dist/, and try both in a fresh environment
+# make clean   remove the results; `make distclean` also removes the environment
 #
-# ARGS is handed to what a target calls, as in `make test ARGS=-x`; with SHORT=1 benchmarks
-# call everything once.
+# ARGS is passed to the program that a target calls, as in `make test ARGS=-x`. With SHORT=1
+# benchmarks call each function once.
 
 PYTHON ?= python3
-# All cores, up to four: a worker of the tests takes up to 2 GB.
+# Use all cores, but at most four, because a worker of the tests needs up to 2 GB.
 JOBS ?= $(shell $(PYTHON) -c 'import os; print(min(4, os.cpu_count()))')
-# Of the tests, one more than cores: Slurm, browsers and killed runs make tests wait.
+# Use one more worker than cores, because some tests wait for Slurm, a browser or a killed run.
 WORKERS ?= $(shell expr $(JOBS) + 1)
 ARGS ?=
 BIN := .venv/bin
@@ -45,7 +45,7 @@ lint: $(TESTING)
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 
-# Review what has moved, and why, before it is committed.
+# Review the changes and their reasons before you commit them.
 golden: $(TESTING)
 	$(BIN)/python -m tests.golden
 
@@ -80,7 +80,7 @@ REXS ?= ../shared/rexs
 real-gearboxes: $(TESTING)
 	REXS='$(REXS)' $(BIN)/python -m tests.gearboxes
 
-# The test itself, part of `make test` too, installs nothing, and says why where it cannot run.
+# The test itself, also a part of `make test`, installs nothing and tells why it cannot run.
 slurm-test: $(TESTING)
 	@if [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && \
 	    ! { command -v slurmctld && command -v slurmd && command -v munged; } > /dev/null; then \
@@ -99,7 +99,7 @@ wheel: $(TESTING)
 report: all
 	$(BIN)/snakemake --report results/report.html --report-stylesheet workflow/report/report.css
 
-# Jobs that measure wall times run alone anyway.
+# -j does not disturb wall times, because jobs that measure them run alone.
 speed-and-accuracy: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS) draw_failures draw_stability_chart draw_models model_table \
 	    draw_work_precision
@@ -108,20 +108,20 @@ speed-and-accuracy: $(INSTALLED)
 docs: $(TESTING)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# With tools and tests only those wait for their packages who ask for them.
+# The packages of the tests are installed only for targets that need them.
 $(INSTALLED) $(TESTING): pyproject.toml requirements/constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	    { echo "Python 3.11 or newer is needed: make PYTHON=python3.12" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --no-compile --constraint requirements/constraints.txt \
 	    --editable '.[proof,workflow$(if $(filter $@,$(TESTING)),$(COMMA)test)]'
-	@# Here, side by side: left to first use, every job would compile its packages anew where
-	@# PYTHONDONTWRITEBYTECODE is set. Nothing loads the packages' own tests, a quarter of all.
-	@# Some packages hold files that are wrong on purpose.
+	@# Compile all packages in parallel now, because otherwise every job would compile them again
+	@# if PYTHONDONTWRITEBYTECODE is set. The tests of the packages, a quarter of all files, are
+	@# never loaded. Errors are ignored, because some packages have faulty files on purpose.
 	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j $(JOBS) -x '/tests/' .venv || true
 	touch $@ $(INSTALLED)
 
-# For editors; the documentation makes its own.
+# This schema is for editors; the documentation builds its own.
 $(SCHEMA): $(INSTALLED) $(wildcard gearlib/config/*.py gearlib/models/geometry/*.py)
 	mkdir -p $(@D)
 	$(BIN)/python -m gearlib schema > $@.new

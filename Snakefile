@@ -1,6 +1,6 @@
-"""The workflow: all targets of the configuration by one command, `snakemake -j2`.
+"""Compute all targets of the configuration by one command, `snakemake -j2`.
 
-A file of rules for each subject, each of them: compile -> compute -> gather -> draw, table.
+Each subject has a file of rules, in the order compile -> compute -> gather -> draw, table.
 """
 
 import os
@@ -46,7 +46,7 @@ rule paper:
 onstart:
     if not os.access("results" if Path("results").exists() else ".", os.W_OK):
         refuse("Nothing can be written to results.")
-    # Snakemake holds its lock, so that temporary files are those of a run that was killed.
+    # Snakemake holds its lock, so temporary files can only stem from a run that was killed.
     remove_leftovers(Path("results"))
 
 

@@ -1,7 +1,7 @@
-"""results/provenance.json: commit, versions, machine and times of the results beside it.
+"""Write results/provenance.json: commit, versions, machine and run times of the results.
 
-The data files hold nothing that changes between two equal calculations. This file holds it, and is
-written at the end of a run that ran a job.
+The data files have no entries that differ between two equal calculations; such entries are in this
+file. It is written at the end of a run of Snakemake that ran a job.
 """
 
 import csv
@@ -24,7 +24,7 @@ PACKAGES = (
 
 
 def write(results, root):
-    """Write provenance.json into `results` if a job is newer.
+    """Write provenance.json into the folder `results`, unless it is newer than all jobs.
 
     `root` is the folder of the git repository.
     """
@@ -60,7 +60,7 @@ def _git(root, *arguments):
 
 
 def _versions():
-    """Return name -> version of the packages that are installed."""
+    """Return the versions of the installed packages of `PACKAGES`, name -> version."""
     versions = {}
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
@@ -69,7 +69,7 @@ def _versions():
 
 
 def _processor():
-    """Return the model name of the processor, from /proc/cpuinfo where it exists."""
+    """Return the model name of the processor, from /proc/cpuinfo if it exists."""
     with suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         line = next(line for line in lines if line.startswith("model name"))
@@ -92,6 +92,6 @@ def _job(path, folder):
 
 
 def _number(text):
-    """Return a text as float, or None for the texts that Snakemake writes without a measurement."""
+    """Return a text as a float, or None if it is not a number, as "-" for a missing measurement."""
     with suppress(ValueError):
         return float(text)

@@ -1,4 +1,4 @@
-"""Results that are not as a job of this folder left them: edited, replaced or copied in."""
+"""Find results that were edited, replaced or copied after a job of this folder wrote them."""
 
 from types import SimpleNamespace
 
@@ -7,10 +7,10 @@ from snakemake.persistence.file import FilePersistence
 
 
 def mark_changed(results):
-    """Mark the files in a folder of results that Snakemake has no record of as incomplete.
+    """Mark the files in a folder of results as incomplete unless Snakemake has a record of them.
 
-    Snakemake computes incomplete files anew. It records the date of each output, but does not
-    compare it itself.
+    Snakemake computes incomplete files again. It records the time of each output, but does not
+    compare it with the time of the file.
     """
     records = FilePersistence(nolock=True)
     for path in results.rglob("*"):

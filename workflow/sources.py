@@ -1,8 +1,9 @@
-"""Source files of a script: a list of them, with checksums, is an input of its rule.
+"""List the source files of a script, with checksums, as an input of its rule.
 
-Snakemake does not see edits of imported modules. Every start of it writes the lists whose sources
-have changed, so that an edit reruns the jobs whose results it can change, and a touched file reruns
-nothing. Modules that are loaded by name, with `import_module`, are named by the rule.
+Snakemake does not see edits of imported modules. Whenever it starts, the lists whose sources have
+changed are written, so that an edit reruns the jobs whose results it can change, and a file with a
+new time stamp but the same text reruns nothing. A rule names the modules that its script loads by
+name, with `import_module`.
 """
 
 import ast
@@ -21,17 +22,20 @@ LISTS = Path(".snakemake/sources")
 def sources(script, loaded=(), package="gearlib"):
     """Return the sorted paths of a script and of all modules that it imports, also indirectly.
 
-    These are modules of the package and scripts in the same folder; `loaded` names modules that the
-    script loads by name. The ``__init__.py`` of the package only has lazy names and does not count:
-    ImportError if it is imported for them. Paths are relative to the working directory.
+    Only modules of the package and scripts in the same folder are listed; `loaded` has the names of
+    modules that the script loads by name. Paths are relative to the working directory. The
+    ``__init__.py`` of the package only has lazy names and is not listed; raise ImportError if a
+    script imports from it.
     """
     graph, known_modules = _imports_of(package)
-    scripts, modules = [Path(script)], {*loaded}
-    for path in scripts:
+    scripts = [Path(script)]
+    modules = {*loaded}
+    for path in scripts:  # the list grows by scripts that are imported
         for name in _imported_names(path):
-            first = name.split(".")[0]
-            other_script = path.with_name(f"{first}.py")
-            if first == package:
+            top_level_name = name.split(".")[0]
+            other_script = path.with_name(f"{top_level_name}.py")
+            if top_level_name == package:
+                # A name may be a module, or an object in a module.
                 modules.add(name if name in known_modules else name.rpartition(".")[0])
             elif other_script.is_file() and other_script not in scripts:
                 scripts.append(other_script)
@@ -42,7 +46,10 @@ def sources(script, loaded=(), package="gearlib"):
 
 
 def listed(script, paths):
-    """Write the list of a script's source files with checksums if it changed; return its path."""
+    """Write the list of a script's source files with checksums if it has changed; return its path.
+
+    `paths` are the source files, a result of `sources`.
+    """
     digest = hashlib.sha256("\n".join(paths).encode()).hexdigest()[:8]
     path = LISTS / f"{Path(script).stem}-{digest}.txt"
     text = "".join(f"{_checksum(source)}  {source}\n" for source in paths)
@@ -58,8 +65,8 @@ def listed(script, paths):
 def _imports_of(package):
     """Return the graph of imports of a package, and the set of its modules.
 
-    Imports for type checkers only are left out. Importing a module also runs the packages around
-    it, which the graph counts as its imports.
+    Imports for type checkers only are left out. Importing a module also runs the ``__init__.py`` of
+    the packages that contain it, so the graph has them as imports of the module.
     """
     graph = grimp.build_graph(package, cache_dir=None, exclude_type_checking_imports=True)
     modules = graph.modules
@@ -87,7 +94,7 @@ def _file_of(module):
     """Return the path of a module of a package."""
     package, *parts = module.split(".")
     path = os.path.join(os.path.dirname(find_spec(package).origin), *parts)
-    # A former package leaves a folder of compiled files beside the module that replaces it.
+    # A package that became a module may leave its folder of compiled files beside the module.
     in_package = os.path.join(path, "__init__.py")
     return os.path.relpath(in_package if os.path.isfile(in_package) else f"{path}.py")
 

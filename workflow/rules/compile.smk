@@ -1,7 +1,7 @@
-"""Compilation of the kernels of each engine before the jobs that need most of them.
+"""Compile the kernels of each engine before the jobs that need most of them.
 
-Without these rules each of the first jobs would compile them. The stamps are ordinary inputs: with
-"ancient" ones Snakemake would miss edits of sources that both rules have in common.
+Without these rules each of the first jobs would compile them. The stamp files are not marked as
+"ancient" inputs, because Snakemake would then miss edits of sources that both rules have in common.
 """
 
 

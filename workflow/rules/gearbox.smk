@@ -1,6 +1,6 @@
-"""A gearbox in a REXS file: a job for each stage and load case, the whole box in each load case."""
+"""Compute a gearbox in a REXS file: each stage, and the whole box, in each load case."""
 
-# (Stage, load case) of each stage, load cases of the whole box, and reasons why others are missing.
+# STAGES has (stage, load case) of each job for a stage, BOXES the load cases of the whole box.
 BOX = config["gearbox"] if "gearbox" in WANTED else None
 STAGES, BOXES = jobs_of_gearbox()
 NAME_OF_BOX = "{file}, damping ratio {damping_ratio:g}".format(**BOX) if BOX else "gearbox"

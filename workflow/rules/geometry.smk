@@ -1,4 +1,4 @@
-"""Gears given by geometry: mesh stiffness, Harris maps, dynamic factors over speed; table of own gears."""
+"""Compute gears given by geometry: mesh stiffness, Harris maps, dynamic factors, a table."""
 
 if not IS_PAPER:
 

@@ -1,7 +1,8 @@
-"""The checked configuration, and functions for the files and parameters of rules.
+"""Check the configuration, and define functions for the files and parameters of rules.
 
-`CONFIG` is the typed configuration. `config` has the same values as plain types with sorted keys:
-Snakemake compares params as text, so that key order and number format (2 or 2.0) cause no reruns.
+`CONFIG` is the typed configuration. `config` has the same values as plain types with sorted keys.
+Snakemake compares params as text, so the order of keys and the format of numbers (2 or 2.0) in the
+file cause no reruns.
 """
 
 import json
@@ -23,21 +24,21 @@ from workflow.sources import listed, sources
 
 ROOT = Path(workflow.basedir)
 
-#: Parts of the report; numbered because its menu is in alphabetical order.
+#: Parts of the report, with numbers because its menu is in alphabetical order.
 CLAIMS, EXPLANATIONS, METHODS = "2 The paper's statements", "3 Explanations", "4 Methods"
 TRAINS, GEOMETRY = "5 Gear trains", "6 From the geometry"
 MEASURED, TOLERANCES, GEARBOX = "7 Measured", "8 Tolerances", "9 Gearbox"
 
-#: Keys of sections that describe a grid of tunings, and seeded initial states.
+#: Keys in sections of the configuration: of a grid of tunings, and of seeded initial states.
 GRID = ["start", "stop", "step"]
 STARTS = ["starts", "first_starts", "seed", "spread"]
 
-#: Priority of long jobs, which start first.
+#: Priority of long jobs, which start before others.
 LONG = 1
-#: More threads than any machine has, so that Snakemake gives the job all cores.
+#: Number of threads above that of any machine, so that Snakemake gives the job all cores.
 ALL_CORES = 1024
 
-# All jobs read this file, also on other nodes; before anything loads numpy.
+# All jobs read this file, also on other nodes, before they load numpy.
 os.environ.update(processor.settings())
 # Jobs share compiled Python files, which this variable would prevent.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -48,7 +49,7 @@ os.environ.update(
 
 
 def refuse(sentence):
-    """Log an error message and exit; an exception would make Snakemake print a traceback."""
+    """Log an error message and exit without the traceback that Snakemake prints for exceptions."""
     logger.error(str(sentence))
     sys.exit(2)
 
@@ -73,9 +74,10 @@ def check_tables_and_distributions(checked):
 
 
 def checked_configuration(changes):
-    """Return the typed configuration after all checks, or exit with an error message.
+    """Read and check the configuration; return it as a typed object, or exit with an error message.
 
-    It is config.yaml of this folder, or else that of the paper, with `changes` by the command line.
+    It is read from config.yaml in the working directory, else from the file of the paper's gears;
+    `changes` are the values on the command line.
     """
     base = Path("config.yaml") if Path("config.yaml").exists() else ROOT / "config.yaml"
     try:
@@ -91,26 +93,26 @@ def checked_configuration(changes):
 
 
 def canonical(value):
-    """Return a value in JSON types with sorted keys."""
+    """Return a value in plain JSON types with sorted keys."""
     return json.loads(json.dumps(value, sort_keys=True))
 
 
-# What the command line gives is in `config` before the file is read.
+# Before the file is read, `config` has the values on the command line.
 CONFIG = checked_configuration(dict(config))
 IS_PAPER = gear_names.is_paper(CONFIG)
 PAPER = "1 The paper's figures" if IS_PAPER else "1 The gears and their motions"
-#: Targets if the command line names none.
+#: Targets that are computed if the command line names none.
 WANTED = CONFIG.computed_targets()
 # Rules and captions need the defaults, too.
 config.clear()
 config.update(canonical(CONFIG.model_dump()))
 
-# The process that sends jobs to other nodes has done this for them.
+# Only the main process does this, also for the jobs that it sends to other nodes.
 if workflow.is_main_process:
     mark_changed(Path("results"))
 
 
-# Parts of the configuration as plain values.
+# Select parts of the configuration as plain values.
 
 
 def without(section, *keys):
@@ -124,19 +126,17 @@ def pick(section, *keys):
 
 
 def grid(section, step_key="step"):
-    """Return the tunings from start to stop of a section, with the step under `step_key`."""
+    """Return the tunings of a section from start to stop, with the step in its key `step_key`."""
     return tunings.grid(section["start"], section["stop"], section[step_key])
 
 
 def with_pairs(cases):
-    """Return title, tuning and the like of cases, and the parameters of their gear pairs."""
-    without_pair = {"damping", "change"}
-    return canonical(
-        [
-            x.model_dump(exclude=without_pair) | {"pair": CONFIG.pair(x.damping, x.change)}
-            for x in cases
-        ]
-    )
+    """Return cases as plain values, with the parameters of a gear pair for damping and change."""
+    values = []
+    for case in cases:
+        pair = CONFIG.pair(case.damping, case.change)
+        values.append(case.model_dump(exclude={"damping", "change"}) | {"pair": pair})
+    return canonical(values)
 
 
 #: Damping -> description of the gear pair, and of the model of sweeps and run-ups.
@@ -147,7 +147,7 @@ SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
 #: Names of the gears with the rectangular stiffness, and with the model of sweeps and run-ups.
 GEAR_PAIR = gear_names.name_with_stiffness(CONFIG, teeth=False)
 GEARS = gear_names.name_with_stiffness(CONFIG, teeth=True)
-#: Common arguments of `sweep` and `simulate`, and those of `simulate` with samples.
+#: Common arguments of `sweep` and `simulate`.
 RUN = {
     "initial_state": [
         config["run"]["initial_state"][name] for name in ("displacement", "velocity")
@@ -155,13 +155,16 @@ RUN = {
     "periods": CONFIG.periods,
     "record_periods": CONFIG.record_periods,
 }
-#: The same for the model of sweeps, in which pairs of teeth start in static equilibrium.
+#: The same for the model of sweeps; load-sharing pairs start in static equilibrium.
 GEARS_RUN = dict(RUN)
 if CONFIG.gears and "initial_state" not in CONFIG.run.model_fields_set:
     GEARS_RUN["initial_state"] = "static"
+#: Arguments of `simulate` for time histories.
 SAMPLES = {"samples_per_period": config["run"]["samples_per_period"]}
-SAMPLED_RUN, GEARS_SAMPLED_RUN = RUN | SAMPLES, GEARS_RUN | SAMPLES
-#: Sweeps of pairs of teeth, for a note on figures of gears given by geometry that need a rectangle.
+SAMPLED_RUN = RUN | SAMPLES
+GEARS_SAMPLED_RUN = GEARS_RUN | SAMPLES
+#: Sweeps of the load-sharing pair of gears given by geometry. Figures that need the rectangular
+#: stiffness have a note about them.
 TEETH_SWEEPS = ["results/resonance.nc"] if CONFIG.gears else []
 COLOURS = {"colours": config["figures"]["colours"]}
 
@@ -170,7 +173,11 @@ COLOURS = {"colours": config["figures"]["colours"]}
 
 
 def sources_of(script, *modules, methods=()):
-    """Return the file that lists the sources of a script: imports, given modules and methods."""
+    """Return the file that lists the sources of a script, which is written if it has changed.
+
+    The sources are the imports of the script, `modules` of gearlib, which it loads by name, and the
+    integrators with the names `methods`.
+    """
     names = [f"gearlib.{module}" for module in modules]
     names += [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
     path = ROOT / "workflow" / "scripts" / f"{script}.py"
@@ -178,9 +185,9 @@ def sources_of(script, *modules, methods=()):
 
 
 def sources_by_method(script, module, *references):
-    """Return a dict of method -> file that lists the sources of a job that runs it.
+    """Return a dict of method -> file that lists the sources of a job that runs this method.
 
-    The job also runs the methods `references`. All lists are written in advance because Snakemake
+    The job also runs the methods `references`. All lists are written in advance, because Snakemake
     looks for files only once.
     """
     return {
@@ -190,30 +197,37 @@ def sources_by_method(script, module, *references):
 
 
 def per_damping(pattern):
-    """Return the file names by a pattern for all dampings."""
+    """Return the file names of all dampings; `pattern` contains "{damping}"."""
     return expand(pattern, damping=CONFIG.dampings)
 
 
 def figure_files(name, label, part, caption=None):
     """Return the files of a figure, one for each format, of which the report shows one.
 
-    `label` is a text or a function of wildcards that returns labels; `caption` is the name of a
-    file in `workflow/report`, by default that of the figure. Only figures of the paper's gears have
-    the numbers of its figures.
+    `label` is a text, or a function of wildcards that returns labels; `part` is the part of the
+    report; `caption` is the name of a file in `workflow/report`, by default the name of the figure.
+    Numbers of the paper's figures are removed from names and labels of other gears.
     """
     caption = caption or name
     if not IS_PAPER:
         name = re.sub(r"^fig\d+_", "", name)
-        label = label if callable(label) else re.sub(r"^(Beside )?Fig. \d+: ", "", label)
+        if not callable(label):
+            label = re.sub(r"^(Beside )?Fig. \d+: ", "", label)
     labels = label if callable(label) else {"figure": label}
     report_format = min(CONFIG.figures.formats, key=["png", "svg", "pdf"].index)
     options = {"caption": f"../report/{caption}.rst", "category": part, "labels": labels}
-    paths = [f"results/figures/{name}.{suffix}" for suffix in CONFIG.figures.formats]
-    return [report(p, **options) if p.endswith(f".{report_format}") else p for p in paths]
+    files = []
+    for suffix in CONFIG.figures.formats:
+        path = f"results/figures/{name}.{suffix}"
+        files.append(report(path, **options) if suffix == report_format else path)
+    return files
 
 
 def table_files(name, label, part):
-    """Return the files of a table by name: CSV, and a page for the report, as browsers want it."""
+    """Return the files of a table: "csv", and "page", a page for the report.
+
+    `label` is its label and `part` its part in the report.
+    """
     labels = {"figure": label}
     page = f"results/tables/{name}.html"
     caption = f"../report/{name}_table.rst"
@@ -224,7 +238,10 @@ def table_files(name, label, part):
 
 
 def target_files(target, *files):
-    """Return the files of a target, or an input function that exits if the gears do not allow it."""
+    """Return the files of a target, or an input function that exits if it is refused.
+
+    A target is refused if the configured gears do not allow it.
+    """
     reason = targets.refusal(target, CONFIG)
     if target in targets.TRAIN_TARGETS:
         reason = reason or targets.mesh_damping_error(CONFIG)
@@ -237,16 +254,19 @@ def target_files(target, *files):
 def if_wanted(target, files, pairs_only=False):
     """Return files if their target is wanted, else an empty list.
 
-    With `pairs_only` files are left out for gears given by geometry, whose sweeps have pairs of teeth.
+    With `pairs_only`, files are left out for gears given by geometry, because their sweeps have
+    another model, the load-sharing pair.
     """
-    return [] if target not in WANTED or (pairs_only and CONFIG.gears) else files
+    if target not in WANTED or (pairs_only and CONFIG.gears):
+        return []
+    return files
 
 
-# Scenes and measured sets.
+# Functions of wildcards for scenes and measured sets.
 
 
 def cases_of_scene(wildcards):
-    """Return the cases of a scene, with the parameters of their gear pairs."""
+    """Return the cases of a scene as plain values, with the parameters of their gear pairs."""
     return with_pairs(CONFIG.scenes[wildcards.scene].cases)
 
 
@@ -275,11 +295,14 @@ def files_of_set(wildcards):
     return [path, *description.files(path)]
 
 
-# Methods, gears, designs.
+# Parameters of methods, gears and designs.
 
 
 def jobs_of_gearbox():
-    """Return (stage, load case) of the jobs of a gearbox, and load cases of the whole box."""
+    """Return (stage, load case) of the stages of a gearbox, and the load cases of the whole box.
+
+    Both are empty unless the target gearbox is wanted.
+    """
     if "gearbox" not in WANTED:
         return [], []
     from gearlib.studies.gearboxes import jobs
@@ -292,26 +315,31 @@ def jobs_of_gearbox():
 
 
 def label_of_box(title):
-    """Return the function of wildcards that returns the labels of a figure of the whole box."""
+    """Return a function of wildcards that returns the labels of a figure of the whole box."""
     return lambda wildcards: {"figure": f"{title}, load case {BOXES[int(wildcards.number)]}"}
 
 
 def not_installed(methods):
-    """Return the methods whose packages are not installed."""
+    """Return those of the methods whose packages are not installed."""
     return [name for name in dict.fromkeys(methods) if not targets.installed(name)]
 
 
 def stages(section):
-    """Return a dict of name -> gears of a section."""
+    """Return the gears of a section of the configuration as plain values, by name."""
     pairs = stage_sections(CONFIG, section)
     return canonical({name: pair.model_dump() for name, pair in pairs.items()})
 
 
 def names_of_stages(section, teeth=False):
-    """Return a text with the names of the gears of a section; with `teeth`, as pairs of teeth."""
+    """Return a text with the names of the gears of a section for figures.
+
+    With `teeth`, they are computed as load-sharing pairs, and the text names their stiffness.
+    """
     pairs, suffix = stage_sections(CONFIG, section).values(), ""
     if teeth:
-        method = config[section].get("stiffness") or CONFIG.gears and CONFIG.gears.stiffness
+        method = config[section].get("stiffness")
+        if not method and CONFIG.gears:
+            method = CONFIG.gears.stiffness
         method = method or next(iter(pairs)).mesh().tooth_stiffness
         suffix = f"; pairs of teeth, {METHOD_NAMES[method]}"
     names = (gear_names.name_of_stage(pair, teeth, pitch_errors=False) for pair in pairs)
@@ -319,7 +347,7 @@ def names_of_stages(section, teeth=False):
 
 
 def teeth_over_speed():
-    """Return model and operating speed for the study of the dynamic factor over speed."""
+    """Return the model and, if known, the operating speed for the target dynamic_factor."""
     if takes_configured_gears(CONFIG, "dynamic_factor"):
         return {"model": next(iter(MODELS.values())), "speed": CONFIG.gears.speed}
     gears = canonical(CONFIG.dynamic_factor.gears.model_dump())
@@ -327,7 +355,7 @@ def teeth_over_speed():
     return {"model": {"model": "teeth", "gears": gears, "damping": damping, "pitch_errors": False}}
 
 
-#: Arguments of the study of tolerances that describe the designs.
+#: Arguments of the target tolerances that describe the designs.
 DESIGNS = canonical(
     {
         "pair": CONFIG.pair(CONFIG.tolerances.damping),

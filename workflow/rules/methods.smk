@@ -1,4 +1,4 @@
-"""The methods: the paper's analytic one, stability of fixed steps, failures, work and precision."""
+"""Compare methods: the paper's analytic one, fixed steps, difficult problems, work and precision."""
 
 
 use rule _compute as compute_analytic_method with:
@@ -134,7 +134,7 @@ WORK_PRECISION_SOURCES = sources_by_method("compute", "studies.trials.work_preci
 TIMES_SOURCES = sources_by_method("compute_alone", "studies.trials.work_precision")
 
 
-# The kernels are needed for long runs, from which Newton's method starts.
+# Newton's method starts from long runs, which need the kernels.
 use rule _compute as work_precision_references with:
     pathvars:
         job="work_precision_references",
@@ -168,8 +168,8 @@ use rule _compute as work_precision_errors with:
         method="{method}",
 
 
-# Wall times differ between runs, so that only figures and a table may depend on this dataset. No
-# other job runs at the same time, because its load would change the times.
+# Wall times differ between runs, so only figures and a table may depend on this dataset. No other
+# job runs at the same time, because it would change the times.
 use rule _compute_alone as work_precision_times with:
     pathvars:
         job="work_precision/times_{method}",

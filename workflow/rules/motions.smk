@@ -1,6 +1,6 @@
-"""Explanations of the paper's figures: jumps, orbits, proofs, tongues, basins, models, run-ups."""
+"""Explain the paper's figures by jumps, orbits, proofs, tongues, basins, models, run-ups."""
 
-# Run-ups for comparison with Fig. 3, and their order map.
+# Run-ups, for comparison with Fig. 3, and their order map.
 
 
 use rule _compute as compute_run_ups with:

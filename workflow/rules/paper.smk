@@ -78,7 +78,8 @@ use rule _draw as draw_resonance with:
     input:
         resonance="results/resonance.nc",
         labels=if_wanted("labels", per_damping("results/labels/{damping}.nc")),
-        # Those of gears given by geometry are of the rectangle, another model than that of the sweeps.
+        # The branches of gears given by geometry have the rectangular stiffness, another model than
+        # the sweeps.
         branches=if_wanted(
             "branches", per_damping("results/branches/{damping}.nc"), pairs_only=True
         ),

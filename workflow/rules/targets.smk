@@ -1,4 +1,4 @@
-"""The targets of the configuration, and the files of each."""
+"""Define a rule for each target of the configuration, with its files."""
 
 TARGET_FILES = {
     # The paper's figures and statements.
@@ -17,7 +17,7 @@ TARGET_FILES = {
         rules.draw_nonlinear_damping.output,
         rules.nonlinear_damping_table.output.csv,
     ],
-    # There is nothing to compare without scenes.
+    # Without scenes there is nothing to compare.
     "models": [rules.draw_models.output, rules.model_table.output.csv] if CONFIG.scenes else [],
     "parametric_resonance": [
         rules.draw_parametric_resonance.output,

@@ -1,4 +1,4 @@
-"""Templates of rules; a rule adds its job name, inputs, outputs and the function to call."""
+"""Define templates of rules; a rule adds its job name, inputs, outputs and the function to call."""
 
 
 wildcard_constraints:
@@ -17,7 +17,7 @@ wildcard_constraints:
     number=r"\d+",
 
 
-# Calls `function` with the other params and the input datasets, and stores the returned dataset.
+# Call `function` with the other params and the input datasets, and store the returned datasets.
 rule _compute:
     pathvars:
         job="{job}",
@@ -31,7 +31,7 @@ rule _compute:
         "../scripts/compute.py"
 
 
-# The same in one thread while no other job runs, for wall times.
+# Do the same in one thread while no other job runs, to measure wall times.
 rule _compute_alone:
     pathvars:
         job="{job}",
@@ -46,7 +46,7 @@ rule _compute_alone:
         "../scripts/compute_alone.py"
 
 
-# Writes the column names and rows that `function` returns as CSV and as a page of the report.
+# Write the column names and rows that `function` yields as CSV and as a page of the report.
 rule _table:
     pathvars:
         job="{job}",
@@ -63,7 +63,7 @@ rule _table:
         "../scripts/table.py"
 
 
-# Saves the figure, or the dict of figures by name, that `draw` returns.
+# Save the figure, or the dict of figures by name, that `draw` returns.
 rule _draw:
     pathvars:
         job="{job}",

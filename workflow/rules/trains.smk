@@ -1,4 +1,4 @@
-"""Gear trains: the paper's reducer, the configured train over speed, and Campbell diagrams."""
+"""Compute gear trains: the paper's reducer, the configured train, and Campbell diagrams."""
 
 # All meshes of the reducer over speed: equal branches, a displaced pin, unequal backlash.
 
@@ -80,7 +80,7 @@ use rule _draw as draw_train_sweep with:
         gears=TRAIN,
 
 
-# Natural frequencies and mesh frequencies of the configured train, or else of the reducer.
+# Natural frequencies and mesh frequencies of the configured train, else of the reducer.
 
 HAS_OWN_TRAIN = targets.has_custom_train(CONFIG)
 

@@ -1,4 +1,4 @@
-"""Comparison of measured sets with computed curves, and scatter of designs with tolerances."""
+"""Compare measured sets with computed curves, and scatter designs within tolerances."""
 
 
 use rule _compute as measured_curve with:
@@ -92,7 +92,7 @@ use rule _draw as draw_measured_orders with:
         settings=COLOURS,
 
 
-# Designs by a Sobol' sequence, in shards.
+# Designs at the points of a Sobol' sequence, in shards.
 
 
 use rule _compute as tolerance_shard with:
@@ -156,7 +156,7 @@ use rule _draw as draw_tolerances with:
     input:
         teeth=TEETH_SWEEPS,
         scattered="results/tolerances.nc",
-        # Correlated parameters have no indices.
+        # Sobol' indices need independent parameters.
         indices=[] if config["tolerances"]["correlations"] else "results/tolerance_indices.nc",
         sources=sources_of("draw", "figures.scatter_figure"),
     output:

@@ -1,4 +1,4 @@
-"""Compile the kernels of gear pairs into the cache; the stamp file identifies the sources."""
+"""Compile the kernels of gear pairs into the cache; write the hash of their sources to a file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Compile the kernels of matrices or of Taylor series; the stamp file identifies the sources."""
+"""Compile the kernels of an engine, matrix or taylor; write the hash of the sources to a file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Compute the results of a rule by its function, from its params and its input datasets."""
+"""Call the function of a rule with its params and input datasets, and store the results."""
 
 import inspect
 from pkgutil import resolve_name
@@ -18,7 +18,8 @@ def main(job):
     if "threads" in inspect.signature(function).parameters:
         arguments["threads"] = job.threads
     results = function(**arguments, **datasets(job.input))
-    results = results if isinstance(results, tuple) else (results,)
+    if not isinstance(results, tuple):
+        results = (results,)
     for dataset, path in zip(results, job.output, strict=True):
         storage.write(dataset, path)
 

@@ -1,4 +1,4 @@
-"""Compute the results of a rule that measures wall times, with linear algebra on one thread."""
+"""Compute the results of a rule that measures wall times, with linear algebra in one thread."""
 
 import os
 

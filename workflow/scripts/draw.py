@@ -11,10 +11,11 @@ from job import datasets, redirect_output
 def draw_figures(files, paths, draw, settings, gears, absent, dpi):
     """Draw the figures of a rule and save each in all formats.
 
-    `files` are the named inputs of the rule, `paths` its outputs. `draw`, module and function of
-    `gearlib.figures`, gets the datasets and the `settings`. A figure names `gears`, "" for
-    none, and the methods whose packages are `absent`. A figure of a rectangle says what sweeps of
-    pairs of teeth do, an input `teeth`.
+    `files` are the named inputs of the rule, `paths` its outputs. `draw` is the name of a function
+    of `gearlib.figures`, such as "orders_figure.draw", which is called with the datasets and the
+    `settings`. Figures are labelled with the text `gears` ("": no label) and with the methods whose
+    packages are `absent`; `dpi` is their resolution. Figures of the rectangular stiffness also tell
+    whether the load-sharing pair loses contact, from the sweeps in the input "teeth".
     """
     data = datasets(files)
     for teeth in data.pop("teeth", []):

@@ -1,4 +1,4 @@
-"""What all scripts do: read the datasets of a job and log its output."""
+"""Read the datasets of a job and log its output, as all scripts do."""
 
 import contextlib
 import os
@@ -12,7 +12,7 @@ from gearlib.data.files import declare_sources
 
 
 def datasets(files):
-    """Return input name -> dataset, or list of datasets, of the netCDF files among the inputs.
+    """Read the netCDF files among the inputs of a job; return name -> dataset or list of datasets.
 
     `files` are the named inputs of a Snakemake job, paths or lists of paths.
     """
@@ -24,7 +24,7 @@ def datasets(files):
 
 
 def source_files(path):
-    """Return the files in the list of sources at `path`, which has their checksums first."""
+    """Return the source files in the list at `path`, lines of a checksum and a file."""
     lines = Path(path).read_text(encoding="utf-8").splitlines()
     return [line.split("  ", 1)[1] for line in lines]
 
@@ -32,7 +32,7 @@ def source_files(path):
 def redirect_output(path):
     """Redirect standard output and error of Python and compiled code to the log file `path`.
 
-    The source files of the job are declared, because netCDF files store their hash.
+    Also declare the source files of the job, whose hash is stored in netCDF files.
     """
     declare_sources(source_files(__main__.snakemake.input.sources))
     sys.stdout.flush()
@@ -46,11 +46,10 @@ def redirect_output(path):
 
 
 def _report_exception(terminal, exception_type, error, trace):
-    """Write a traceback to the log, but none of Ctrl-C.
+    """Write the traceback of an exception to the log, except after Ctrl-C.
 
-    Of an OSError only the message is written, also to the terminal.
-
-    `terminal` is the file descriptor of the original standard error.
+    For an OSError, such as a full disk, only the message is written, to the log and to `terminal`,
+    the file descriptor of the original standard error.
     """
     if issubclass(exception_type, KeyboardInterrupt):
         return
