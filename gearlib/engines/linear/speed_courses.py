@@ -206,20 +206,16 @@ def _piece_intervals(runner, piece, periods_per_block):
     base, is_long = runner.base_system, runner.long_run_out
     end = piece.phase + piece.length * (piece.speed + 0.5 * piece.acceleration * piece.length)
     repeats, tolerance = len(base.first_segment) - 1, _SAME_PHASE_TOLERANCE * max(end, 1.0)
-    period_count = (
-        _PERIODS_AT_A_TIME if is_long else max(_PERIODS_AT_A_TIME // repeats, 1) * repeats
-    )
-    first_period, is_first = (
-        int((piece.phase + tolerance) / math.tau) // period_count * period_count,
-        True,
-    )
+    period_count = _PERIODS_AT_A_TIME
+    if not is_long:
+        period_count = max(_PERIODS_AT_A_TIME // repeats, 1) * repeats
+    first_period = int((piece.phase + tolerance) / math.tau) // period_count * period_count
+    is_first = True
     while True:
-        # The segments of the next `count` mesh periods, as copies of the segments of `source`.
+        # The segments of the next mesh periods are copies of the segments of `source`.
         source = runner.model.system(1.0, first_period, period_count) if is_long else base
-        copy_count, segment_count = (
-            1 if is_long else period_count // repeats,
-            source.starts.size - 1,
-        )
+        copy_count = 1 if is_long else period_count // repeats
+        segment_count = source.starts.size - 1
         segment_numbers = np.tile(np.arange(segment_count), copy_count)
         copies, offset = np.arange(copy_count)[:, None], math.tau * first_period
         bounds = (copies * source.starts[-1] + source.starts[:-1]).ravel()
@@ -492,10 +488,8 @@ def _system_with_chirps(
             derivative_part = array_at_tuning_2 - array
             result[..., i] = array[..., cosine] - derivative_part[..., cosine]
             result[..., i + 1] = array[..., sine] - derivative_part[..., sine]
-            result[..., i + 2], result[..., i + 3] = (
-                -derivative_part[..., sine] / w,
-                derivative_part[..., cosine] / w,
-            )
+            result[..., i + 2] = -derivative_part[..., sine] / w
+            result[..., i + 3] = derivative_part[..., cosine] / w
         return result
 
     names = "drive_lines", "coast_lines", "force_input", "force_output"

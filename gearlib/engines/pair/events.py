@@ -182,8 +182,8 @@ def march_rest_of_segment(
     """Run through the rest of a segment of constant stiffness, from the phase t after its start.
 
     Returns (t, contact code, x, v, number of arcs) at the end of the segment, or with
-    `until_impact` at the next impact on the drive-side flank. See `march_segment` for the other
-    arguments.
+    `until_impact` at the next impact on the drive-side flank. At t the motion has a contact code,
+    displacement x and velocity v. See `march_segment` for the segment and the arc table.
     """
     level = mesh.high_level if level_index == 1 else mesh.low_level
     while t < length:

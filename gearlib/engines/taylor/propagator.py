@@ -293,10 +293,8 @@ def run_nonlinear(
                 if h < 0.0:
                     return x, v, 0, events, 0, UNRESOLVED, steps
                 if has_maps:
-                    branch_constants, period_map = (
-                        constants[step_code + 1, segment],
-                        period_maps[period],
-                    )
+                    branch_constants = constants[step_code + 1, segment]
+                    period_map = period_maps[period]
                     if starts_at_rest:
                         step_sign = math.copysign(1.0, series[VELOCITY, 1])
                     map_crossing(constants, segment, code_before, step_code, 0.0, period_map)
