@@ -71,7 +71,10 @@ def require(condition, name, value, allowed, owner=""):
 
 
 def exactly_one(name, value, other_name, other_value):
-    """Raise an error unless exactly one of two values is given, the other being None."""
+    """Raise an error unless exactly one of two values is given, the other being None.
+
+    The message names them `name` and `other_name`.
+    """
     if value is None and other_value is None:
         problem = f"and {other_name} are missing: one of the two must be given"
         raise InputError(name, problem=problem)

@@ -36,7 +36,7 @@ __all__ = [
 
 
 def __getattr__(name):
-    # The compiled code of trains loads slowly, and gears given by geometry do not need it.
+    """Load the names of gear trains on first use, because their compiled code loads slowly."""
     if name not in ("ParallelStage", "planetary_set"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from gearlib.models.trains import planetary

@@ -109,6 +109,7 @@ class Unit:
         return core_schema.with_info_before_validator_function(self.read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict:
+        """Return the node of the JSON schema, in which numbers with a unit may be texts."""
         node = handler(schema)
         if self.unit != "1":
             node |= {"type": ["number", "string"], "pattern": f"^{units.TEXT.pattern}$"}
@@ -541,7 +542,7 @@ def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
 def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exception:
     """Return the first error of pydantic as an `InputError`, or as a TypeError for a wrong name.
 
-    `cls` is the dataclass to be made, `arguments` are the named arguments.
+    `cls` is the dataclass that was called, `arguments` are its arguments by name.
     """
     details = error.errors(include_url=False)[0]
     location, cause = details["loc"], details.get("ctx", {}).get("error")

@@ -57,7 +57,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
         Datasets returned by `gearlib.sweep`, or results of the workflow, which have a curve for
         each damping and direction.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     labels : sequence of str, optional
         Legend label of each dataset; by default damping, direction and mesh where they differ.
     variable : str, optional
@@ -112,7 +112,7 @@ def phase_plane(*runs, axes=None, labels=None):
     *runs : xarray.Dataset
         Datasets returned by `gearlib.simulate`; each mesh, case or damping has its own curve.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     labels : sequence of str, optional
         Legend label of each dataset.
 
@@ -159,7 +159,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     *runs : xarray.Dataset
         Datasets returned by `gearlib.simulate`; each mesh, case or damping has its own curve.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     labels : sequence of str, optional
         Legend label of each dataset.
     variable : str
@@ -210,7 +210,7 @@ def run_up(*runs, axes=None, labels=None, variable=None):
     *runs : xarray.Dataset
         Datasets returned by `gearlib.run_up`; each mesh of a train has its own colour.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     labels : sequence of str, optional
         Legend label of each dataset.
     variable : str, optional
@@ -256,7 +256,7 @@ def campbell(diagram, *, axes=None, to=None):
     diagram : xarray.Dataset
         Dataset returned by `GearTrain.campbell`.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     to : float, optional
         Upper limit of the speed axis, rpm; by default just beyond the last intersection.
 
@@ -289,7 +289,7 @@ def gearbox(box, *, axes=None):
     box : gearlib.gearboxes.gearbox.Gearbox
         Gearbox returned by `gearlib.read_gearbox`.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
 
     Returns
     -------
@@ -326,7 +326,7 @@ def schematic(train, *, run=None, phase=None, axes=None):
         Mesh phase of the reference mesh, rad, at which the train is drawn; by default the first
         phase of the run's record, or 0 without a run.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
 
     Returns
     -------
@@ -360,7 +360,7 @@ def harris_map(errors, *, axes=None):
         Dataset returned by `gearlib.geometry.GearStage.transmission_error`, over torque and phase;
         each curve is labelled by its torque in N m.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
 
     Returns
     -------
@@ -400,7 +400,7 @@ def values(data, *names, axes=None):
     *names : str
         Names of variables with equal units and dimensions.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
 
     Returns
     -------
@@ -458,7 +458,7 @@ def orbit(*orbits, axes=None, labels=None):
         markers at special points such as folds and period doublings. Lines are solid where orbits
         are stable, dashed where they are unstable.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     labels : sequence of str, optional
         Legend label of each orbit or branch; by default stability and period of each orbit.
 

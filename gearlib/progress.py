@@ -51,9 +51,9 @@ class Limit:
         self._end = math.inf if max_seconds is None else time.monotonic() + max_seconds
 
     def is_over(self) -> bool:
-        """Return whether the time is over before a step; it never is before the first step.
+        """Return whether the next step must not begin because the time is over.
 
-        The attribute `complete` becomes False when the time is over.
+        The first step may always begin. The attribute `complete` becomes False when time is over.
         """
         is_first, self._is_first = self._is_first, False
         self.complete = self.complete and (is_first or time.monotonic() < self._end)

@@ -157,7 +157,7 @@ def _at_largest(dataset, values, dimension):
 
 @gear_command("simulate", _RUN, dimension="phase", motion="one speed")
 def simulate(gears, model, tuning, samples, **settings):
-    """Run the gears at one speed: time course, contact events, orbit."""
+    """Run the gears at one speed: time history, contact events, orbit."""
     from gearlib.analysis.duty_point import si_variables
     from gearlib.data.result import result
 
@@ -296,7 +296,7 @@ def trust(gears, model, tuning, **settings):
 
 @gear_command("modes", "", "mode", motion="none")
 def modes(gears, train):
-    """Natural frequencies of the gear train, and the kinds of its modes."""
+    """Compute the natural frequencies of the gear train, and the kinds of its modes."""
     modes = train.modes()
     output.show(modes)
     return modes, lambda plot: plot.values(modes, "natural_frequency")
@@ -304,7 +304,7 @@ def modes(gears, train):
 
 @gear_command("static", "phase", "mesh", motion="none")
 def static(gears, train, phase):
-    """Load sharing of the gear train at rest, with gaps and errors."""
+    """Compute the load sharing of the gear train at rest, with gaps and errors."""
     equilibrium = train.static(phase)
     output.show(equilibrium)
     return equilibrium, lambda plot: plot.values(equilibrium, "mesh_force")
@@ -312,7 +312,7 @@ def static(gears, train, phase):
 
 @gear_command("phasing", "count", "stiffness_order", motion="none")
 def phasing(gears, train, count):
-    """Which harmonics of the mesh stiffness, up to --count, excite which modes of the train."""
+    """Find which harmonics of the mesh stiffness, up to --count, excite which modes of a train."""
     excitations = train.phasing(count)
     table = excitations[["excites", "mode_kind"]].to_dataframe()
     excites = table.groupby(["stiffness_order", "mode_kind"], sort=False).excites
@@ -322,7 +322,7 @@ def phasing(gears, train, count):
 
 @gear_command("campbell", "count", "mode", motion="none")
 def campbell(gears, train, count):
-    """Speeds, rpm, at which mesh frequencies or harmonics, up to --count, excite a natural mode."""
+    """Compute the speeds, rpm, at which mesh frequencies excite a mode, up to the order --count."""
     diagram = train.campbell(count)
     table = diagram[["critical_speed", "natural_frequency", "mode_kind", "excites"]]
     table = table.to_dataframe().reset_index("stiffness_order")
@@ -333,9 +333,9 @@ def campbell(gears, train, count):
 
 @main.command(params=[*options.MODEL, *options.command_options("frequencies", "speed")])
 def frequencies(speed, **values):
-    """Mesh, shaft, hunting tooth and planet frequencies at a speed of the pinion.
+    """Compute mesh, shaft, hunting tooth and planet frequencies at a speed of the pinion.
 
-    The gears are those of the section `gears`, or with --model train those of the train.
+    They belong to the gears of the section `gears` or, with --model train, to the gear train.
     """
     import pandas
 
@@ -392,7 +392,7 @@ def _tolerance(text):
 
 @gear_command("scatter", f"{_SCATTER} points seed max_seconds", "sample", rectangle=True)
 def scatter(gears, model, quantity, samples, points, **settings):
-    """Effect of tolerances on jumps, contact loss, peaks and the duty point, by many designs."""
+    """Compute the effect of tolerances on jumps, contact loss, peaks and the duty point."""
     import numpy as np
     import pandas
 
@@ -679,8 +679,8 @@ def compare(folders, picture, force):
 def workflow(arguments):
     """Run the workflow in this folder: Snakemake with the rules of this package.
 
-    ARGUMENTS are those of Snakemake, as in `gearlib workflow -j2 --configfile mine.yaml`; as in the
-    other commands, --config mine.yaml does the same.
+    ARGUMENTS are passed to Snakemake, as in `gearlib workflow -j2 --configfile mine.yaml`; as in
+    the other commands, --config mine.yaml does the same.
     """
     arguments = list(arguments) or ["-j2"]
     for i, (argument, next_argument) in enumerate(

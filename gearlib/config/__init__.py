@@ -55,7 +55,8 @@ def load(mapping: dict) -> Any:
 def _with_unused_pair(mapping: dict) -> dict:
     """Return a configuration that has a gearbox, with a gear pair added if it has none.
 
-    The added pair, its damping and targets only make the configuration valid; nothing uses them.
+    The added pair and its zero damping only make the configuration valid; no target uses them. The
+    default target is then the gearbox.
     """
     from gearlib.config.targets import NOT_GIVEN
     from gearlib.models.pair_parameters import PAPER

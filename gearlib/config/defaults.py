@@ -88,8 +88,8 @@ def _resonance_range(resonance: Any, pair: Any, speed: float | None) -> dict[str
 
     The dict has the keys `start`, `stop` and `lowest`; it is empty if the section `resonance` has a
     start or stop, or an invalid step. The range of tunings, 0.5 to 1.4, is extended by whole steps
-    to the `speed` of the gears, rpm, unless this is None. Down to `lowest`, a fifth of start, a
-    downward sweep is extended until the motion has jumped.
+    to the `speed` of the gears, rpm, unless this is None; `pair` converts it to a tuning. Down to
+    `lowest`, a fifth of start, a downward sweep is extended until the motion has jumped.
     """
     section = resonance if isinstance(resonance, dict) else {}
     step = section.get("step", Resonance.model_fields["step"].default)

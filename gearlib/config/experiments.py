@@ -156,7 +156,7 @@ def check_increasing(section, low_key, high_key):
 
 
 class LociSection(Section):
-    """Special points over tuning and material damping, those of the labelled branch."""
+    """Loci of the special points of the labelled branch, over tuning and material damping."""
 
     damping: t.DampingName = None
     lowest: t.number(ge=0, le=10) = field("Damping ratio at which the loci end below.", 0.005)
@@ -229,7 +229,7 @@ class Models(t.SeededStarts):
     harmonics: t.Count = field("Harmonics of the truncated stiffness in the comparison.", 20)
 
 
-#: Time histories that friction causes, and all those of models with six degrees of freedom only.
+#: Time histories that friction causes; time histories of models with six degrees of freedom only.
 FRICTION_HISTORIES = {"friction_force", "bearing_z3", "bearing_z2"}
 SIX_DEGREE_HISTORIES = {"bearing_y3", "bearing_y2"} | FRICTION_HISTORIES
 _TimeHistory = Literal[

@@ -150,7 +150,7 @@ class Run(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "Run":
-        """Raise ValueError if there are more recorded revolutions than revolutions."""
+        """Raise ValueError if more revolutions are recorded than a run has."""
         recorded, revolutions = self.recorded_revolutions, self.revolutions
         allowed = f"an integer from 1 to revolutions = {revolutions}"
         checks.require(recorded <= revolutions, "recorded_revolutions", recorded, allowed)

@@ -159,7 +159,7 @@ class Gears(MethodSection, StageSection):
         return self
 
     def load(self) -> dict[str, float]:
-        """Return those of torque (N m), power (W) and speed (rpm) of the pinion that are given."""
+        """Return the given values among torque (N m), power (W) and speed (rpm) of the pinion."""
         return self.model_dump(include={"torque", "power", "speed"})
 
     def driving_torque(self) -> float:
@@ -239,7 +239,7 @@ class DynamicFactor(Section):
         FZG_C | {"backlash": 160e-6},
     )
     damping_ratio: t.number(gt=0, lt=1) = field(
-        "Damping ratio of these gears; those of the section gears have their own damping.", 0.05
+        "Damping ratio of these gears; the section gears has its own dampings.", 0.05
     )
     start: p.Speed = field(
         "First speed of the pinion, rpm. Default: a tenth of the resonance speed.", None

@@ -25,11 +25,11 @@ class ToleratedParameter(Section):
         "Name of a parameter of gear_pair or of one of its ratios; of gears: torque, "
         "centre_distance, pinion.shift and the like."
     )
-    mean: t.Amount = field("Mean value; that of the gears where left out.", None)
+    mean: t.Amount = field("Mean value. Default: the value of the gears.", None)
     std: t.Amount = field('Standard deviation; a text such as "5 %" is a share of the mean.', None)
     min: t.Amount = field("Smallest value; all up to max are equally likely.", None)
     max: t.Amount = field("Largest value.", None)
-    nominal: t.Amount = field("Nominal value; that of the gears where left out.", None)
+    nominal: t.Amount = field("Nominal value. Default: the value of the gears.", None)
     upper: t.Amount = field("Upper deviation from the nominal value, or a share.", None)
     lower: t.Amount = field("Lower deviation from the nominal value, or a share.", None)
     distribution: t.Label = field("Name of a law of scipy.stats, in place of these.", None)

@@ -146,9 +146,7 @@ class Deviation(Section):
 
 
 _DOC = "Centre distance of gears given by geometry, m. Default: without backlash by the shifts."
-_TORQUE_DOC = (
-    "Torque of the pinion if both gears have geometry, N m. Default: by those of the bodies."
-)
+_TORQUE_DOC = "Torque of the pinion if both gears have geometry, N m. Default: from the bodies."
 MeshPart = create_section(
     "MeshPart",
     "Two gears in mesh, see `gearlib.Mesh`; two bodies with `gear` give stiffness, ratios, phases.",
@@ -174,7 +172,9 @@ class Own(Section):
     modal_damping: list[p.BelowCritical] = field(
         "Damping ratios of the elastic modes, one for each or one for all.", None
     )
-    carrier_ratio: p.Finite = field("Speed of the frame over that of the first pinion in it.", None)
+    carrier_ratio: p.Finite = field(
+        "Speed of the frame over speed of the first pinion in it.", None
+    )
     gyroscopic: p.Boolean = field("Whether the forces of the turning frame are felt.", None)
 
     @model_validator(mode="after")
@@ -234,8 +234,7 @@ class Train(Section):
     kind: Kind = field("The section that describes the train.", "split_power_reducer")
     reference: t.Label = field("Mesh that sets scales and tuning; the first if left out.", None)
     reference_frequency: t.quantity("Hz", "2 kHz", gt=0) = field(
-        "Frequency of the tuning 1, Hz; that of the mode that deforms the reference mesh most if "
-        "left out.",
+        "Frequency of the tuning 1, Hz. Default: of the mode that deforms the reference mesh most.",
         None,
     )
     split_power_reducer: SplitPowerReducer = t.SECTION

@@ -1,4 +1,4 @@
-"""Measured curves, time histories and mesh orders beside those of a model or a fit."""
+"""Measured curves, time histories and mesh orders, compared with a model or a fit."""
 
 import math
 

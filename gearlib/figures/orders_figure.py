@@ -26,7 +26,7 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
     *spectra : xarray.Dataset
         Order spectra returned by `gearlib.orders`; each mesh of a train has a colour.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new pyplot figure.
+        Axes to draw into; by default the axes of a new pyplot figure.
     labels : sequence of str, optional
         Legend labels of the datasets.
     variable : {"force_amplitude", "error_amplitude"}
@@ -279,7 +279,8 @@ def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
 def _draw_mesh_orders(axes, data: xr.Dataset):
     """Draw labelled lines at mesh orders and their subharmonic, and dotted lines at sidebands.
 
-    `data` has variables of `_in_decibels`. Lines are straight but for a bend at the lowest speed.
+    Mesh orders are the multiples of z, the variable `teeth` of `data`, which is an order map by
+    `_in_decibels`. Lines are straight but for a bend at the lowest speed.
     """
     slowest = int(np.abs(data.rpm).argmin("time"))
     teeth, ends = float(data.teeth), data.isel(time=sorted({0, slowest, data.sizes["time"] - 1}))

@@ -123,7 +123,7 @@ def axes_or_new(axes: Axes | None) -> Axes:
 
     if axes is None:
         return pyplot.figure(figsize=(5.4, 3.6), layout="constrained").add_subplot()
-    allowed = "axes of matplotlib, such as those of pyplot.figure().add_subplot(), or None"
+    allowed = "axes of matplotlib, such as pyplot.figure().add_subplot(), or None"
     checks.require(isinstance(axes, Axes), "axes", axes, allowed)
     return axes
 

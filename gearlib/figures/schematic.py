@@ -101,7 +101,7 @@ def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, 
     """Draw a train in axes at a phase (rad) of the reference mesh.
 
     `layout` is a result of `GearTrain.layout`. `colours` maps mesh names to colours; with None they
-    are those of `style.curve_styles`. `contact` has the contact code of each mesh, 1, 0 or -1; with
+    come from `style.curve_styles`. `contact` has the contact code of each mesh, 1, 0 or -1; with
     None all meshes are drawn in contact. `title` has the first lines of the title.
     """
     drawing = create_drawing(layout, phase)

@@ -40,7 +40,7 @@ AREA_COLOURS = {"no contact": "#EBEBEB", "coast-side contact": "#CFCFCF"}
 #: Colours for curves that a figure styles itself; `curve_styles` gives colours to categories.
 PALETTE = colours_of.PALETTE
 
-# The first four markers are those of the paper, in its order of the damping combinations.
+# The first four markers come from the paper, in its order of the damping combinations.
 _MARKERS = ("s", "o", "x", "o", "^", "D")
 LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 

@@ -25,7 +25,7 @@ _SINGLE_BRANCH_MARKERS = {
     "lost_alone_share": (0.03, "s", "contact lost in this branch only"),
     "struck_alone_share": (0.08, "x", "coast-side flank struck in this branch only"),
 }
-#: Height of the lowest row of panels over that of the others.
+#: Height of the lowest row of panels over the height of the other rows.
 _SHARE_HEIGHT_RATIO = 0.35
 _MARKERS_ONLY = {"line": "none", "markersize": 3}
 
