@@ -28,7 +28,7 @@ def model_of(claim):
     model = exact(mp, claim["model"])
     for mesh in model.get("meshes", [model]):
         if "pitch_phase" in mesh:
-            # Angles in turns are rounded once.
+            # The library rounds angles in turns once, and so does this program.
             mesh["pitch_phase"] = 2 * mp.pi * mpf(float(mesh["pitch_phase"]) / (2.0 * math.pi))
     if "bodies" not in model:
         return {"kind": "SixDegreePair" if "inertias" in model else "GearPair"} | model
@@ -39,7 +39,7 @@ def model_of(claim):
 
 
 class Motion:
-    """Motions of the model of a claim; coordinates and velocities in static deflections."""
+    """Motions of the model of a claim, with coordinates and velocities in static deflections."""
 
     def __init__(self, claim):
         if "coordinates" not in claim:
@@ -60,13 +60,14 @@ class Motion:
         self.reduction = np.array(inner.tolist()) @ stiffness[self.kept]
 
     def boxes(self):
-        """Return the boxes of kept coordinates and of their velocities."""
+        """Return the claimed enclosures of the kept coordinates and of their velocities."""
         return [self.claim[name][i] for name in ("displacement", "velocity") for i in self.kept]
 
     def move(self, state, period=None, recorded=0):
-        """Return (end, motion) over some mesh periods from kept coordinates and velocities.
+        """Return (final state, motion) over some mesh periods from kept coordinates and velocities.
 
-        Extrema are those of the last `recorded` periods.
+        `period` is the number of mesh periods, by default that of the claim. Extrema are taken over
+        the last `recorded` periods.
         """
         full, periods = np.full((2, self.equations.n), mpf(0)), period or self.claim["period"]
         full[:, self.kept] = np.reshape(state, (2, -1))
@@ -76,10 +77,11 @@ class Motion:
         return halves.ravel(), motion
 
     def orbit(self, iterations=1):
-        """Return (state, motion, multipliers) by Newton steps from the boxes' centre."""
+        """Return (state, motion, multipliers) of the orbit by Newton steps from the box centres."""
         middle = [(mpf(low) + mpf(high)) / 2 for low, high in self.boxes()]
 
         def change(*state):
+            """Return the change of the state over the period."""
             return self.move(state)[0] - state
 
         state, slopes = program.newton(change, middle, iterations)
@@ -88,40 +90,43 @@ class Motion:
         return state, self.move(state, recorded=recorded)[1], multipliers
 
     def faults(self, orbit):
-        """Return what an orbit, as `orbit` returns it, refutes of the claim, sorted words."""
+        """Return sorted words for the parts of the claim that an orbit of `orbit` refutes."""
         claim, (state, motion, multipliers), n = self.claim, orbit, len(self.kept)
         meshes = claim["model"].get("meshes", [{"name": "mesh"}])
         events = [(meshes[e.contact]["name"], e.before, e.after, e) for e in motion.events]
         listed = [(e.get("mesh", "mesh"), e["before"], e["after"], e) for e in claim["events"]]
-        # Events at one phase, to rounding, have no order.
+        # Events at equal phases, up to rounding, have no order.
         events.sort(key=lambda row: (nstr(row[3].phase, 15), row[0]))
         listed.sort(key=lambda row: (nstr(mpf(row[3]["phase"][0]), 15), row[0]))
         if [row[:3] for row in events] != [row[:3] for row in listed]:
             return ["contacts"]
         names = ["displacement"] * n + ["velocity"] * n
         rows = zip(names, self.boxes(), state, strict=True)
-        held = [(name, _holds(box, value, room=0)) for name, box, value in rows]
+        checks = [(name, _holds(box, value, room=0)) for name, box, value in rows]
         for (*_, event), (*_, box) in zip(events, listed, strict=True):
-            held.append(("phase", _holds(box["phase"], event.phase)))
-            held.append(("speed", _holds(box["velocity"], event.own_rate)))
+            checks.append(("phase", _holds(box["phase"], event.phase)))
+            checks.append(("speed", _holds(box["velocity"], event.own_rate)))
         for name, extremum in (("displacement_min", min), ("displacement_max", max)):
             if name in claim:
-                held.append((name, _holds(claim[name], extremum(motion.record.heights[0]))))
-        inside = [
+                checks.append((name, _holds(claim[name], extremum(motion.record.heights[0]))))
+        is_inside = [
             [all(map(_holds, box, (root.real, root.imag))) for root in multipliers]
             for box in claim["multipliers"]
         ]
         # Each box holds a multiplier, and each multiplier lies in a box.
-        held += [("multiplier", np.any(inside, axis=axis).all()) for axis in (0, 1)]
-        shorter = [p for p in range(1, claim["period"]) if claim["period"] % p == 0]
-        repeats = [max(abs(self.move(state, p)[0] - state)) < 1e-9 for p in shorter]
-        held += [("period", not any(repeats))]
-        held += [("stability", _is_judged_right(claim["stability"], multipliers))]
-        return sorted({name for name, holds in held if not holds})
+        checks += [("multiplier", np.any(is_inside, axis=axis).all()) for axis in (0, 1)]
+        shorter_periods = [p for p in range(1, claim["period"]) if claim["period"] % p == 0]
+        repeats = [max(abs(self.move(state, p)[0] - state)) < 1e-9 for p in shorter_periods]
+        checks += [("period", not any(repeats))]
+        checks += [("stability", _is_judged_right(claim["stability"], multipliers))]
+        return sorted({name for name, holds in checks if not holds})
 
 
 def _is_judged_right(stability, multipliers):
-    """Return whether multipliers bear out a verdict; undecided: all lie on the unit circle."""
+    """Return whether multipliers confirm a verdict on stability.
+
+    The verdict must be "undecided" if all multipliers lie on the unit circle.
+    """
     largest = max(map(abs, multipliers))
     if abs(largest - 1) < _ROUNDING:
         return stability == "undecided"
@@ -129,12 +134,12 @@ def _is_judged_right(stability, multipliers):
 
 
 def _holds(box, value, room=_ROUNDING):
-    """Return whether an enclosure, widened by some room, holds a value."""
+    """Return whether an enclosure, widened by `room` on both sides, contains a value."""
     return mpf(box[0]) - room <= value <= mpf(box[1]) + room
 
 
 def _range_faults(claim):
-    """Return the faults of a range of tunings: at both ends of each piece."""
+    """Return sorted words for the faults of a claimed range, checked at both ends of each piece."""
     claim = claim | {name: exact(mp, claim[name]) for name in ("pieces", "start", "stop")}
     ends = [(piece["start"], piece["stop"]) for piece in claim["pieces"]]
     joined = all(left[1] == right[0] for left, right in pairwise(ends))
@@ -144,32 +149,32 @@ def _range_faults(claim):
         return ["order"]
     if any(len(piece["centre"]) != len(claim["pattern"]) + 1 for piece in claim["pieces"]):
         return ["contacts"]
-    wrong, states = set(), []
+    fault_words, states = set(), []
     for piece, end in product(claim["pieces"], ("start", "stop")):
         motion = Motion(claim | _point(claim["pattern"], piece, piece[end]))
         orbit = motion.orbit(iterations=4)
-        wrong |= set(motion.faults(orbit))
+        fault_words |= set(motion.faults(orbit))
         states.append(orbit[0])
-    # At a common tuning two pieces have one orbit.
+    # Two neighbouring pieces must have the same orbit at their common tuning.
     if not np.all(abs(np.subtract(states[1:-1:2], states[2::2])) < 1e-20):
-        wrong.add("branch")
-    return sorted(wrong)
+        fault_words.add("branch")
+    return sorted(fault_words)
 
 
 def _point(pattern, piece, tuning):
-    """Return what is claimed of the orbit at one tuning of a piece."""
+    """Return the claim that a piece of a range makes of the orbit at one of its tunings."""
     rows = zip(piece["centre"], piece["radii"], strict=True)
-    x, (low, high), *phases = [(c - r, c + r) for c, r in rows]
-    velocity, anything = (low / tuning, high / tuning), (-math.inf, math.inf)
+    x, (lower_velocity, upper_velocity), *phases = [(c - r, c + r) for c, r in rows]
+    velocity, unbounded = (lower_velocity / tuning, upper_velocity / tuning), (-math.inf, math.inf)
     point = {"tuning": tuning, "displacement": x, "velocity": velocity, "events": []}
     for phase, (before, after) in zip(phases, pairwise(pattern), strict=True):
-        event = {"phase": phase, "velocity": anything, "before": before, "after": after}
+        event = {"phase": phase, "velocity": unbounded, "before": before, "after": after}
         point["events"].append(event)
-    return point | {"multipliers": [(anything, anything)]}
+    return point | {"multipliers": [(unbounded, unbounded)]}
 
 
 def faults(claim):
-    """Return what the orbits in 50 digits refute of a claim of any kind, a list of words."""
+    """Return a list of words for what the orbits in 50 digits refute of a claim of any kind."""
     if claim["claim"] == "range":
         return _range_faults(claim)
     motion = Motion(claim)
@@ -177,14 +182,14 @@ def faults(claim):
 
 
 def main(path):
-    """Print the faults of a file of certificates; return how many claims have any."""
+    """Print the faults of a file of certificates and return the number of claims with faults."""
     with open(path, encoding="utf-8") as file:
         claims = [row for row in json.load(file) if row["claim"] not in ("count", "refusal")]
-    wrong = [(claim, words) for claim in claims if (words := faults(claim))]
-    for claim, words in wrong:
+    refuted_claims = [(claim, words) for claim in claims if (words := faults(claim))]
+    for claim, words in refuted_claims:
         print(claim["damping"], claim["claim"], claim.get("tuning", claim.get("start")), *words)
-    print(f"{len(claims) - len(wrong)} of {len(claims)} claims are confirmed")
-    return len(wrong)
+    print(f"{len(claims) - len(refuted_claims)} of {len(claims)} claims are confirmed")
+    return len(refuted_claims)
 
 
 if __name__ == "__main__":

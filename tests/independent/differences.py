@@ -1,7 +1,7 @@
 """Derivatives of motions and orbits by differences of motions in many digits.
 
-Of a step of 1e-16 in 34 digits one difference keeps 16. Orbits are solved for on both sides, in 50
-digits.
+In 34 digits a difference over a step of 1e-16 keeps 16 digits. Orbits are solved for in 50 digits
+on both sides of the parameter.
 """
 
 import copy
@@ -23,22 +23,25 @@ SHARES = ("fraction_drive", "contact_loss_fraction", "fraction_coast", "fraction
 
 
 def columns(model, tuning, periods, state):
-    """Return the variables of a run of the library that are differentiated, name -> list."""
+    """Return the differentiated variables of a run of the independent program, name -> list."""
     motion = move(model, tuning, periods, state, context=mp, recorded=1)
-    record, several = motion.record, model["kind"] == "GearTrain"
-    table = {"final_state": motion.state if several else motion.mesh_state()}
+    record, is_train = motion.record, model["kind"] == "GearTrain"
+    values_by_name = {"final_state": motion.state if is_train else motion.mesh_state()}
     for name, values in (("displacement", record.heights), ("dynamic_force", record.forces)):
-        table |= {f"{name}_max": list(map(max, values)), f"{name}_min": list(map(min, values))}
+        values_by_name |= {
+            f"{name}_max": list(map(max, values)),
+            f"{name}_min": list(map(min, values)),
+        }
     for i, name in enumerate(SHARES):
-        table[name] = [times[i] / (2 * mp.pi) for times in record.durations]
-    last = [event for event in motion.events if event.phase > 2 * mp.pi * (periods - 1)]
-    table["event_phase"] = [event.phase for event in last]
-    table["event_velocity"] = [event.rate for event in last]
-    return table
+        values_by_name[name] = [times[i] / (2 * mp.pi) for times in record.durations]
+    recorded_events = [event for event in motion.events if event.phase > 2 * mp.pi * (periods - 1)]
+    values_by_name["event_phase"] = [event.phase for event in recorded_events]
+    values_by_name["event_velocity"] = [event.rate for event in recorded_events]
+    return values_by_name
 
 
 def _places(model, name):
-    """Return (part of a description, key) of each number that a parameter changes."""
+    """Return (part of a description, key) of each number that a named parameter changes."""
     field, _, owner = name.partition(" of ")
     if owner:
         kind, label = owner.split(" ", 1)
@@ -48,43 +51,47 @@ def _places(model, name):
         field, index = name[:-1].split("[")
         return [(model[field], int(index))]
     if model["kind"] == "DeadZoneOscillator":
-        # Equal dampings, or stiffnesses, of both sides follow.
+        # Both sides share a damping or stiffness if their values are equal.
         kind = name.split("_")[-1]
         return [(model, key) for key in model if key.endswith(kind) and model[key] == model[name]]
     return [(model["pair"] if name in model.get("pair", ()) else model, name)]
 
 
-def _changed(model, tuning, name, share):
-    """Return (description, tuning, step) with a parameter grown by a share of its size."""
+def _changed(model, tuning, name, fraction):
+    """Return (description, tuning, step) with a parameter increased by a fraction of its size.
+
+    A parameter of value 0 is increased by the fraction itself.
+    """
     if name == "tuning":
-        return model, mpf(tuning) * (1 + share), mpf(tuning) * share
+        return model, mpf(tuning) * (1 + fraction), mpf(tuning) * fraction
     model = copy.deepcopy(model)
     if name == "backlash_ratio":
-        model["backlash"] += share * model["load"] / mean_stiffness(model)
-        return model, tuning, share
+        model["backlash"] += fraction * model["load"] / mean_stiffness(model)
+        return model, tuning, fraction
     for part, key in _places(model, name):
-        step = share * (abs(part[key]) or 1)
+        step = fraction * (abs(part[key]) or 1)
         part[key] = step + part[key]
     return model, tuning, step
 
 
 def of_run(model, tuning, periods, state, names):
-    """Return the derivatives of a run's `columns` by the named parameters, a list for each."""
+    """Return the derivatives of all variables of a run, one list for each named parameter."""
     with mp.workdps(34):
-        base, rows = columns(model, tuning, periods, state), []
+        base_columns, rows = columns(model, tuning, periods, state), []
         for name in names:
-            other, nu, step = _changed(model, tuning, name, mpf(10) ** -16)
-            moved = columns(other, nu, periods, state)
-            pairs = ((base[key], moved[key]) for key in VARIABLES)
+            changed_model, nu, step = _changed(model, tuning, name, mpf(10) ** -16)
+            changed_columns = columns(changed_model, nu, periods, state)
+            pairs = ((base_columns[key], changed_columns[key]) for key in VARIABLES)
             rows.append([(b - a) / step for pair in pairs for a, b in zip(*pair, strict=True)])
     return rows
 
 
 def orbit_of(model, tuning, period, guess):
-    """Return (state, derivatives of its change over the period) of an orbit of one degree."""
+    """Return (state, derivatives of its change over the period) of an orbit of one coordinate."""
     equations = equations_of(model, tuning, mp)
 
     def change(*state):
+        """Return the change of the state over the period."""
         end = program.move(equations, period, state).state
         return [a - b for a, b in zip(end, state, strict=True)]
 
@@ -92,19 +99,19 @@ def orbit_of(model, tuning, period, guess):
 
 
 def of_orbit(model, tuning, period, guess, names):
-    """Return the derivatives of an orbit by each parameter, a row for each.
+    """Return the derivatives of an orbit, one row for each named parameter.
 
-    A row has those of the state, and of real and imaginary parts of both multipliers.
+    A row holds derivatives of the state, then of real and of imaginary parts of both multipliers.
     """
     rows = []
     for name in names:
-        both = []
+        values_on_both_sides = []
         for sign in (-1, 1):
-            other, nu, step = _changed(model, tuning, name, sign * mpf(10) ** -10)
-            state, slopes = orbit_of(other, nu, period, guess)
+            changed_model, nu, step = _changed(model, tuning, name, sign * mpf(10) ** -10)
+            state, slopes = orbit_of(changed_model, nu, period, guess)
             roots = mp.eig(slopes + mp.eye(2), left=False, right=False)
-            # Largest first and with positive imaginary part first.
+            # The order is by falling size, and a positive imaginary part comes first.
             roots.sort(key=lambda mu: (-float(abs(mu)), -mp.im(mu)))
-            both.append([*state, *map(mp.re, roots), *map(mp.im, roots)])
-        rows.append([(b - a) / (2 * step) for a, b in zip(*both, strict=True)])
+            values_on_both_sides.append([*state, *map(mp.re, roots), *map(mp.im, roots)])
+        rows.append([(b - a) / (2 * step) for a, b in zip(*values_on_both_sides, strict=True)])
     return rows

@@ -1,4 +1,4 @@
-"""A system in parts, and its equations in units, for any number of digits.
+"""Mechanical systems with contacts, and their equations of motion in any number of digits.
 
     M q'' + C q' + K q + sum of contact forces = load + forces
 
@@ -55,7 +55,10 @@ def harmonics(wave):
 
 
 class System:
-    """Matrices, loads and contacts to be filled."""
+    """Mass, stiffness and damping matrices, loads and contacts of a model, in SI units.
+
+    Methods add springs, inertias and contacts one by one.
+    """
 
     def __init__(self, context, size):
         self.context, self.n = context, size
@@ -63,9 +66,11 @@ class System:
         self.load, self.contacts, self.forces = self.zeros(size), [], []
 
     def zeros(self, *shape):
+        """Return an array of zeros of the numbers of the context."""
         return np.full(shape, self.context.mpf(0), float if self.context is mpmath.fp else object)
 
     def unit(self, i):
+        """Return the row that selects coordinate `i`."""
         row = self.zeros(self.n)
         row[i] += 1
         return row
@@ -76,10 +81,14 @@ class System:
         self.damping = self.damping + damping * np.outer(row, row)
 
     def inertia(self, row, mass):
+        """Add a mass that moves by `row @ q`."""
         self.mass = self.mass + mass * np.outer(row, row)
 
     def course(self, breaks, lines, waves=(), high=None, shift=0):
-        """Return a ``course``; without `high` a stiffness below the mean counts as low."""
+        """Return a ``course`` of a stiffness, as the module describes it.
+
+        If `high` is None, a stiffness below the mean counts as low.
+        """
         if high is None:
             ends, period = [*breaks[1:], breaks[0] + 2 * self.context.pi], 2 * self.context.pi
             rows = zip(breaks, ends, lines, strict=True)
@@ -87,25 +96,28 @@ class System:
         return dict(breaks=breaks, lines=lines, waves=waves, high=high, shift=shift)
 
     def rectangular_course(self, mesh, shift=0):
-        """Return the ``course`` of Eq. (1) of the paper: C_max about `shift` in periods."""
+        """Return the ``course`` of Eq. (1) of the paper, C_max around `shift`, in periods."""
         half, high = self.context.pi * (mesh["contact_ratio"] - 1), mesh["max_stiffness"]
         lines = [(high * mesh["stiffness_ratio"], 0), (high, 0)]
         return self.course([half, 2 * self.context.pi - half], lines, high=high, shift=shift)
 
     def add_contact(self, sides, film, **fields):
-        """Add a contact by its fields; without a coast side the last of `sides` is falsy."""
-        nothing = {"constant": 0, "waves": [], "friction": 0, "turns": 0}
-        sides = [nothing | side for side in sides if side]
-        nothing = {"rate": 1, "powers": (0, 0), "across": self.zeros(self.n), "zero": 0}
-        self.contacts.append({"sides": sides, "film": film} | nothing | fields)
+        """Add a contact with its `sides`, damping `film` in free flight and further fields.
+
+        The second of `sides`, the coast side, may be falsy: then there is none.
+        """
+        defaults = {"constant": 0, "waves": [], "friction": 0, "turns": 0}
+        sides = [defaults | side for side in sides if side]
+        defaults = {"rate": 1, "powers": (0, 0), "across": self.zeros(self.n), "zero": 0}
+        self.contacts.append({"sides": sides, "film": film} | defaults | fields)
 
     def distance(self, side, q, phase):
-        """Return the distance of a side in m."""
+        """Return the distance of a side, m, at coordinates `q` and a phase."""
         (waves,) = wave_series(self.context, side["waves"], phase, terms=1)
         return side["row"] @ q + side["constant"] + waves
 
     def level(self, contact, side, phase):
-        """Return the stiffness of a side at a phase."""
+        """Return the stiffness of a side at a phase of the motion."""
         phase = contact["rate"] * phase
         return stiffness_series(self.context, side["course"], phase, phase)[0]
 
@@ -123,15 +135,15 @@ class Piece(NamedTuple):
     push: object = ()  #: accelerations of coordinates, in units, for one of the phase
 
     def phase_at(self, t):
-        """Return (phase, its rate, half its acceleration) at a time."""
+        """Return (phase, its rate, half its acceleration) at the time `t`."""
         s, half = t - self.begin, self.acceleration / 2
         return (self.phase + (self.speed + half * s) * s, self.speed + self.acceleration * s, half)
 
 
 def wave_series(context, waves, phase, terms, rate=1, bend=0):
-    """Return Taylor coefficients in t of waves (frequency, cosine, sine) of a phase.
+    """Return Taylor coefficients in t of a sum of waves (frequency, cosine, sine) of the phase.
 
-    It is phase + rate t + bend t^2.
+    The phase is phase + rate t + bend t^2.
     """
     total = [context.mpf(0)] * terms
     for f, a, b in waves:
@@ -144,15 +156,15 @@ def wave_series(context, waves, phase, terms, rate=1, bend=0):
 
 
 def stiffness_series(context, course, phase, middle, terms=1, rate=1, bend=0):
-    """Return Taylor coefficients in t of a stiffness at phase + rate t + bend t^2.
+    """Return Taylor coefficients in t of a stiffness at the phase phase + rate t + bend t^2.
 
-    `middle`, a phase within the step of the motion, decides which line of the `course` holds.
+    `middle`, a phase within the step of the motion, decides which line of the `course` applies.
     """
     period, breaks = 2 * context.pi, course["breaks"]
     phase, middle = (x - period * course["shift"] for x in (phase, middle))
     at = bisect(breaks, middle % period) - 1
     value, slope = course["lines"][at]
-    # Since the break: one behind the last one may have begun a period before.
+    # The line may have begun at a break of the previous period.
     since = (middle - breaks[at]) % period + (phase - middle)
     line = [value + slope * since, slope * rate, slope * bend, *[0] * terms]
     waves = wave_series(context, course["waves"], phase, terms, rate, bend)
@@ -160,20 +172,24 @@ def stiffness_series(context, course, phase, middle, terms=1, rate=1, bend=0):
 
 
 def sense(rate, turns, phase):
-    """Return the direction in which the flanks slide at a phase, 1 or -1."""
+    """Return the direction, 1 or -1, in which the flanks slide at a phase.
+
+    `rate` is the number of mesh periods per period of the phase, and `turns` are the mesh periods
+    at which the direction changes to 1.
+    """
     return 1 if (rate * phase / (2 * math.pi) - turns) % 1 < 0.5 else -1
 
 
 def sparse(row):
-    """Return (index, value) of the entries of an array that are not zero."""
+    """Return (index, value) of each nonzero entry of an array."""
     return [(i, x) for i, x in enumerate(row.tolist()) if x]
 
 
 class Side:
-    """A side with the fields of a `System`; its distance is in units of length.
+    """A side of a contact, with its fields in units of length.
 
-    `pushes` are accelerations of coordinates by a unit of normal force, without friction, 0, or
-    with that while flanks slide in the direction 1 or -1.
+    `pushes` are the accelerations of coordinates by a unit normal force, by the direction of
+    sliding: 1, -1, or 0 for no friction.
     """
 
     def __init__(self, equations, contact, side):
@@ -194,7 +210,7 @@ class Side:
 
 
 class Contact:
-    """A contact in units, with the fields of a `System`; `side` are its sides by their codes."""
+    """A contact with its fields in units; `side` maps contact codes, 1 and -1, to sides."""
 
     def __init__(self, equations, contact):
         self.rate = contact["rate"]
@@ -210,33 +226,37 @@ class Contact:
         self.closed = near is not far and self.alike and near.constant == far.constant
 
     def possible_events(self, code):
-        """Return (side, sign, next code) of each: where sign times the distance falls through 0."""
+        """Return (side, sign, next code) of each possible event.
+
+        The event occurs where sign times the distance of the side falls through 0.
+        """
         if code:
             return [(self.side[code], code, -code if self.closed else 0)]
         return [(side, -code, code) for code, side in self.side.items()]
 
     def dampers(self, code):
-        """Return (side, coefficients) of each damper; it takes the rate of the side's distance."""
+        """Return (side, coefficients) of each damper, which acts on the rate of the distance."""
         side, oil = self.side.get(code), [(self.drive, self.film)]
         if not code:
             return oil
         if side is self.drive or self.alike:
             return [(side, side.material)]
-        # A coast side that moves apart: oil damps the drive distance throughout, contact adds the
-        # rest of the material damping.
+        # If the coast side moves differently, oil damps the drive distance throughout, and contact
+        # adds the difference of material and oil damping on the coast side.
         return [*oil, (side, [b - a for a, b in zip(self.film, side.material, strict=True)])]
 
 
 class Equations:
-    """The equations of a `System` in units of its length, by phase, solved for accelerations.
+    """The equations of motion of a `System`, solved for the accelerations.
 
-    Forces and stiffness are in SI units.
+    Displacements are in units of the system's length, and derivatives are with respect to the
+    phase. Forces and stiffness are in SI units.
     """
 
     def __init__(self, system):
         self.context, self.n = system.context, system.n
         self.speed, self.length, self.force = system.speed, system.length, system.force
-        # Floats have 16 digits; more digits need more terms of the series.
+        # Series need more terms for more digits than the 16 of floats.
         floats = 16.5, 26, 1e-13, lambda pairs: sum([a * b for a, b in pairs])
         many = mp.dps, int(mp.dps * 0.9) + 6, mp.mpf(10) ** (5 - mp.dps), mp.fdot
         #: terms of series, rounding errors of numbers near 1, and the sum of the products of pairs
@@ -257,19 +277,22 @@ class Equations:
         self.contacts = [Contact(self, contact) for contact in system.contacts]
 
     def damping(self, coefficients):
-        """Return coefficients for the rate of a distance in units, by phase."""
+        """Return damping coefficients for rates of distances in units of length per phase."""
         speed = self.speed * self.length
         return [d * self.speed * speed**k for k, d in enumerate(coefficients)]
 
     def product(self, a, b, k):
-        """Return the k-th coefficient of the product of two series."""
+        """Return the coefficient number `k` of the product of two series."""
         return self.dot(zip(a, b[k::-1], strict=False))
 
     def value(self, curve, t):
-        """Return a polynomial at t."""
+        """Return the value of a polynomial, with rising coefficients `curve`, at `t`."""
         return reduce(lambda total, coefficient: total * t + coefficient, reversed(curve))
 
     def distance(self, side, q, phase, order=0):
-        """Return the distance of a side at coordinates, or, of order 1, its rate at their rates."""
+        """Return the distance of a side, or for `order` 1 its rate.
+
+        `q` holds coordinates, or for `order` 1 their rates, without the constant of the distance.
+        """
         waves = wave_series(self.context, side.waves, phase, terms=2)[order]
         return self.dot([(x, q[i]) for i, x in side.row]) + waves + (0 if order else side.constant)

@@ -13,8 +13,8 @@ from tests.independent.equations import sense, stiffness_series, wave_series
 class Step:
     """The Taylor series of a motion from a state at the time t of a `Piece`, with contact codes.
 
-    `middle` is a phase within the step, which decides on stiffness and sliding. `turned`: the last
-    step ended where the drive distance has a turn, so that its rate is 0 but for rounding.
+    `middle` is a phase within the step, which decides on stiffness and sliding. `turned` says that
+    the step starts at an extremum of the drive distance, where its rate is 0 up to rounding.
     """
 
     def __init__(self, equations, piece, t, state, codes, middle, turned=False):
@@ -41,7 +41,7 @@ class Step:
             self._add([x / ((k + 1) * (k + 2)) for x in total])
 
     def _add(self, coefficients):
-        """Add the next Taylor coefficients of the coordinates."""
+        """Append the next Taylor coefficients of the coordinates and of all distances."""
         order = len(self.series)
         for side, curve in self.curves.items():
             products = [(x, coefficients[j]) for j, x in side.row]
@@ -49,7 +49,7 @@ class Step:
         self.series.append(coefficients)
 
     def wave(self, waves):
-        """Return Taylor coefficients of the sum of waves of the phase."""
+        """Return Taylor coefficients of a sum of waves of the phase."""
         context, terms = self.equations.context, self.equations.terms + 2
         return wave_series(context, waves, self.phase, terms, self.rate, self.bend)
 
@@ -60,7 +60,10 @@ class Step:
         return stiffness_series(context, side.course, *about)
 
     def laws(self, piece):
-        """Return (accelerations, function of k that returns the next coefficient of the force)."""
+        """Return (accelerations by a unit force, function of k) of each force.
+
+        The function returns the Taylor coefficient number k of the force.
+        """
         inertia = [-piece.acceleration, *[0] * self.equations.terms]
         laws = [(list(enumerate(piece.push)), inertia.__getitem__)]
         for push, order, waves in self.equations.forces:
@@ -77,9 +80,9 @@ class Step:
         return laws
 
     def damper(self, side, d1, d2, d3):
-        """Return the force of a damper, d1 v + d2 |v| v + d3 v^3.
+        """Return a function of k with the Taylor coefficients of d1 v + d2 |v| v + d3 v^3.
 
-        It is a function that returns the k-th Taylor coefficient, to be called for k = 0, 1, ...
+        It must be called for k = 0, 1, ... in this order.
         """
         curve, times, rates, squares = self.curves[side], self.equations.product, [], []
 
@@ -87,7 +90,7 @@ class Step:
             rate = (k + 1) * curve[k + 1]
             if not (d2 or d3):
                 return d1 * rate
-            # Where the motion turns its rate is rounding.
+            # At an extremum the rate is rounding, whose sign must not count.
             rates.append(0 * rate if self.turned and k == 0 else rate)
             squares.append(times(rates, rates, k))
             sign = -1 if next(filter(None, rates), 0) < 0 else 1
@@ -96,7 +99,10 @@ class Step:
         return term
 
     def spring(self, contact, code):
-        """Return the elastic force c(tau) (g + p2 sgn(g) g^2 + p3 g^3), as `damper` does."""
+        """Return a function of k with Taylor coefficients of c(tau) (g + p2 sgn(g) g^2 + p3 g^3).
+
+        g is the distance of the side in contact. Calls must be for k = 0, 1, ... in this order.
+        """
         side, times, (p2, p3) = contact.side[code], self.equations.product, contact.powers
         curve, levels, squares, springs = self.curves[side], self.stiffness(contact, side), [], []
 
@@ -122,7 +128,7 @@ class Step:
         return [first - contact.zero, *others]
 
     def length(self, longest):
-        """Return for how long the series holds: the last terms are below the last digit."""
+        """Return the length of a step, at most `longest`, whose last terms are negligible."""
         for order in (len(self.series) - 1, len(self.series) - 2):
             if size := max(map(abs, self.series[order]), default=0):
                 share = self.equations.last_term / mpmath.mpf(size)
@@ -130,25 +136,26 @@ class Step:
         return longest
 
     def at(self, t):
-        """Return the state at t after the begin."""
+        """Return the state at the time `t` after the start of the step."""
         value, columns = self.equations.value, list(zip(*self.series, strict=True))
         return [value(c, t) for c in columns] + [value(slope_of(c), t) for c in columns]
 
 
 def slope_of(curve):
+    """Return the coefficients of the derivative of a polynomial."""
     return [k * c for k, c in enumerate(curve)][1:]
 
 
 def zeros(equations, curve, end, floor):
-    """Return the zeros of odd order of a polynomial on (0, end), in order.
+    """Return the zeros of odd order of a polynomial on (0, end), in rising order.
 
-    What stays below `floor` is rounding.
+    A polynomial whose terms add up to at most `floor` is rounding and has none.
     """
     scaled = list(map(mul, curve, accumulate(repeat(end), mul, initial=1)))
     size = sum(map(abs, scaled))
     if size <= floor or 2 * abs(scaled[0]) > size:
         return []
-    # Floats rule out most of them.
+    # Floats are enough to exclude zeros of most polynomials.
     rough = _bernstein([float(c / size) for c in scaled])
     if min(rough) > 1e-12 or max(rough) < -1e-12:
         return []
@@ -157,7 +164,7 @@ def zeros(equations, curve, end, floor):
 
 
 def _bernstein(curve):
-    """Return the Bernstein coefficients on (0, 1) of a polynomial."""
+    """Return the Bernstein coefficients of a polynomial on (0, 1)."""
     values = [c / math.comb(len(curve) - 1, k) for k, c in enumerate(curve)]
     for k in range(1, len(curve)):
         values[k:] = map(add, values[k:], values[k - 1 :])
@@ -165,7 +172,11 @@ def _bernstein(curve):
 
 
 def _brackets(values, low, high, least):
-    """Yield (low, high) around zeros of odd order, by signs of Bernstein coefficients."""
+    """Yield an interval (low, high) around each zero of odd order.
+
+    `values` are Bernstein coefficients on the interval, whose sign changes bound the number of
+    zeros. Intervals shorter than `least` are not divided further.
+    """
     changes = sum((a > 0) != (b > 0) for a, b in pairwise(values))
     if changes == 1:
         yield low, high
@@ -178,7 +189,7 @@ def _brackets(values, low, high, least):
 
 
 def _polished(equations, curve, low, high):
-    """Return the zero between two places by Newton's method kept inside."""
+    """Return the zero between two bounds by Newton's method, safeguarded by bisection."""
     slope, rises, t = slope_of(curve), equations.value(curve, low) <= 0, (low + high) / 2
     for _ in range(200):
         value, rate = equations.value(curve, t), equations.value(slope, t)

@@ -1,4 +1,4 @@
-"""The system of a described model; its equations written anew.
+"""Equations of motion of each kind of model, derived anew from a description of the model.
 
 A description is a model as plain values, such as JSON has, from its public attributes.
 """
@@ -17,7 +17,8 @@ from tests.independent.trains import Train
 def describe(model):
     """Return a model as dicts, lists and numbers; ``kind`` is the name of its class.
 
-    With the phases of the meshes of a train, which `tests/geometry/test_phases_by_teeth.py` tests.
+    Trains also get the phases of their meshes, which `tests/geometry/test_phases_by_teeth.py`
+    tests.
     """
     if isinstance(model, (tuple, list)):
         return [describe(item) for item in model]
@@ -30,14 +31,14 @@ def describe(model):
 
 def system_of(model, tuning, context=mpmath.fp):
     """Return the `System` of a description at a tuning."""
-    make = {
+    system_types = {
         "GearPair": _one_degree,
         "OneDegreePair": _one_degree,
         "DeadZoneOscillator": _oscillator,
         "SixDegreePair": _six_degrees,
         "GearTrain": Train,
     }[model["kind"]]
-    return make(exact(context, model), context.mpf(tuning), context)
+    return system_types(exact(context, model), context.mpf(tuning), context)
 
 
 def equations_of(model, tuning, context=mpmath.fp):
@@ -46,9 +47,10 @@ def equations_of(model, tuning, context=mpmath.fp):
 
 
 def move(model, tuning, periods, state=(0.0, 0.0), context=mpmath.fp, **options):
-    """Return the motion of a description, see `program.move`.
+    """Return the motion of a described model as a `program.Motion`.
 
-    For six degrees the state may be displacement and rate of the mesh alone.
+    For six degrees of freedom the state may be displacement and rate of the mesh alone. `options`
+    are passed to `program.move`.
     """
     system = system_of(model, tuning, context)
     if model["kind"] == "SixDegreePair" and len(state) != 2 * system.n:
@@ -57,7 +59,11 @@ def move(model, tuning, periods, state=(0.0, 0.0), context=mpmath.fp, **options)
 
 
 def _one_coordinate(context, units, mass, load, force, shaking):
-    """Return a system without contacts, in units of length, speed and force."""
+    """Return a system of one coordinate without contacts.
+
+    `units` are those of length, speed and force; `force` and `shaking` are harmonics of the
+    external force and of the displacement of the support.
+    """
     system = System(context, 1)
     system.length, system.speed, system.force = units
     unit = system.unit(0)
@@ -68,8 +74,8 @@ def _one_coordinate(context, units, mass, load, force, shaking):
 
 
 def _one_degree(model, tuning, context):
-    """Return m y'' + k(y) y' + D2 |y'| y' + D3 y'^3 + C(tau) g(y) = F(tau) + m f''."""
-    # A `GearPair` has no more than its pair.
+    """Return the system m y'' + k(y) y' + D2 |y'| y' + D3 y'^3 + C(tau) g(y) = F(tau) + m f''."""
+    # A `GearPair` is described by its pair alone, without waves and nonlinear terms.
     pair, none = model.get("pair", model), {"cosines": [], "sines": []}
     mean, m, load = mean_stiffness(pair), pair["reduced_mass"], pair["load"]
     units = load / mean, tuning * context.sqrt(mean / m), mean
@@ -87,32 +93,36 @@ def _one_degree(model, tuning, context):
 
 
 def _course_of_pair(system, pair, shape):
-    """Return the ``course`` of a pair: Eq. (1), some of its harmonics, or a table of its mean."""
+    """Return the stiffness ``course`` of a pair: rectangular, truncated Fourier series or table.
+
+    `shape` is the description of the profile. A table is scaled to the mean stiffness of the pair.
+    """
     if shape["kind"] == "Rectangular":
         return system.rectangular_course(pair)
     pi, mean = system.context.pi, mean_stiffness(pair)
     if shape["kind"] == "Fourier":
-        waves = []
+        fourier_terms = []
         for n in range(1, shape["harmonics"] + 1):
-            sine = system.context.sin(n * pi * (pair["contact_ratio"] - 2)) * (-1) ** n
-            size = 2 * pair["max_stiffness"] * (1 - pair["stiffness_ratio"]) / (pi * n)
-            waves.append((n, size * sine, 0))
-        return system.course([0 * pi], [(mean, 0)], waves)
-    rows = list(zip(shape["phase"], shape["stiffness"], strict=True))
-    rows = list(pairwise([*rows, (rows[0][0] + 2 * pi, rows[0][1])]))
-    scale = mean * 4 * pi / sum((u - t) * (a + b) for (t, a), (u, b) in rows)
-    lines = [(a * scale, (b - a) / (u - t) * scale) for (t, a), (u, b) in rows]
+            sine_factor = system.context.sin(n * pi * (pair["contact_ratio"] - 2)) * (-1) ** n
+            amplitude = 2 * pair["max_stiffness"] * (1 - pair["stiffness_ratio"]) / (pi * n)
+            fourier_terms.append((n, amplitude * sine_factor, 0))
+        return system.course([0 * pi], [(mean, 0)], fourier_terms)
+    intervals = list(zip(shape["phase"], shape["stiffness"], strict=True))
+    intervals = list(pairwise([*intervals, (intervals[0][0] + 2 * pi, intervals[0][1])]))
+    scale = mean * 4 * pi / sum((u - t) * (a + b) for (t, a), (u, b) in intervals)
+    lines = [(a * scale, (b - a) / (u - t) * scale) for (t, a), (u, b) in intervals]
     return system.course(shape["phase"], lines)
 
 
 def _oscillator(model, tuning, context):
-    """Return x'' + d x' + e x + P(x, t) = F + waves + f''; both edges have their own numbers."""
+    """Return the system of x'' + d x' + e x + P(x, t) = F + waves + f'' with unequal sides."""
     one, waves = context.mpf(1), (model["forcing"], model["deviation"])
     system = _one_coordinate(context, (one, tuning, one), one, model["load"], *waves)
     system.spring(system.unit(0), model["ground_stiffness"])
 
-    def side(which):
-        law, waves = model[f"{which}_stiffness"], []
+    def side(name):
+        """Return the contact side at the "upper" or "lower" edge."""
+        law, waves = model[f"{name}_stiffness"], []
         breaks, values = [0 * one], [law]
         if isinstance(law, dict) and law["kind"] == "Steps":
             breaks, values = law["phase"], law["stiffness"]
@@ -121,12 +131,12 @@ def _oscillator(model, tuning, context):
         return {
             "row": system.unit(0),
             "course": system.course(breaks, [(value, 0) for value in values], waves),
-            "material": [model[f"{which}_damping"], 0, 0],
-            "constant": -model[f"{which}_edge"],
+            "material": [model[f"{name}_damping"], 0, 0],
+            "constant": -model[f"{name}_edge"],
         }
 
     sides = [side("upper"), context.isfinite(model["lower_edge"]) and side("lower")]
-    # The displacement counts from 0, not from the edge.
+    # Displacements are measured from 0, but distances from the edge.
     system.add_contact(sides, [model["damping"], 0, 0], zero=-model["upper_edge"])
     return system
 
@@ -170,14 +180,15 @@ def _six_degrees(model, tuning, context):
 
 
 def _elastic_bearings(model, context):
+    """Return the numbers of the bearings of finite stiffness."""
     return [i for i, k in enumerate(model["bearing_stiffness"]) if context.isfinite(k)]
 
 
 def _from_mesh(system, model, state):
-    """Return the state of all coordinates for a displacement and rate of the mesh, in units.
+    """Return the state of all coordinates for a given displacement and rate of the mesh, in units.
 
-    Bearings rest under the load, if `preload`, in place; the gears turn for the rest, each by its
-    share of the mobility r^2 / J.
+    With `preload` the bearings are displaced by the load. The rotations make up the remaining
+    displacement, each gear in proportion to its mobility r^2 / J.
     """
     q, v = system.zeros(2, system.n)
     for k, i in enumerate(_elastic_bearings(model, system.context), start=2):
@@ -192,9 +203,10 @@ def _from_mesh(system, model, state):
 
 
 class RunUp:
-    """A described model along courses of speed, rows of s and rpm, and load, of s and shares.
+    """A described model on courses of speed, (s, rpm), and of load, (s, share of its load).
 
-    `turn`: rad/s of the mesh for 1 rpm; `push`: accelerations of coordinates, m/s^2 for 1 rad/s^2.
+    `turn` is the speed of the mesh, rad/s, at 1 rpm. `push` holds the accelerations of the
+    coordinates, m/s^2, for an acceleration of the mesh by 1 rad/s^2.
     """
 
     def __init__(self, model, speed, load, turn, push, context=mpmath.fp):
@@ -212,13 +224,14 @@ class RunUp:
             phase += (v + w) / 2 * span
 
     def cuts(self, piece):
-        """Return the times, in units, at which stiffness or sliding changes, and the end."""
+        """Return the times, in units, at which stiffness or sliding changes, and the last one."""
         return program.cuts_of(self.equations, piece)
 
     def move(self, q, v, times):
-        """Return (displacements at rising times in s, events) from coordinates in m and rates.
+        """Return (displacements, events) of the motion from coordinates `q`, m, and rates `v`, m/s.
 
-        Displacements are in m, shape (times, contacts); events (time, contact, before, after).
+        Displacements are in m at rising `times`, s, with shape (times, contacts). Events are rows
+        (time, contact, before, after).
         """
         length, omega = self.system.length, self.system.speed
         state, thetas = np.array([*q, *v]) / length, [omega * t for t in np.array(times).tolist()]
@@ -228,8 +241,12 @@ class RunUp:
 
 
 def _ends(rows, begin, end):
-    """Return the values of a piecewise linear course at both ends of an interval within a line."""
+    """Return the values of a piecewise linear course at both ends of an interval on one line."""
+    # The course is constant before its first row and after its last one.
     rows = [(begin, rows[0][1]), *rows, (end, rows[-1][1])]
-    line = next((*a, *b) for a, b in pairwise(rows) if a[0] <= begin and end <= b[0])
-    t, v, u, w = line
-    return [v + (w - v) * (at - t) / (u - t) for at in (begin, end)]
+    segment = next((*a, *b) for a, b in pairwise(rows) if a[0] <= begin and end <= b[0])
+    start_time, start_value, end_time, end_value = segment
+    return [
+        start_value + (end_value - start_value) * (time - start_time) / (end_time - start_time)
+        for time in (begin, end)
+    ]

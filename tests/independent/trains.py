@@ -1,8 +1,9 @@
 """The system of a gear train, from its description.
 
-Displacements: of a body along x, y and the arc u of its base circle; of a planet along and across
-the radius of its pin, seen from the carrier. Springs, masses and distances are rows over them, by
-the formulas of Lin & Parker, J. Vib. Acoust. 121 (1999) 316-321.
+Coordinates are the displacements x and y of each body and the arc u on its base circle. Those of a
+planet are along and across the radius of its pin, seen from the carrier. Springs, masses and
+distances are rows over these coordinates, by the formulas of Lin & Parker, J. Vib. Acoust. 121
+(1999) 316-321.
 """
 
 from fractions import Fraction
@@ -15,34 +16,43 @@ from tests.independent.equations import System, harmonics, mean_stiffness
 
 
 def speeds_of(model):
-    """Return name -> speed in radians per radian of reference mesh phase, by tooth numbers."""
+    """Return the speed of each body, in radians per radian of the reference mesh phase, by name.
+
+    Speeds follow from numbers of teeth, and their signs from the driving gear.
+    """
     teeth = {body["name"]: body["teeth"] for body in model["bodies"]}
-    first = next(mesh for mesh in model["meshes"] if mesh["name"] == model["reference"])
-    speeds, links = {first["pinion"]: Fraction(1, teeth[first["pinion"]])}, []
+    reference_mesh = next(mesh for mesh in model["meshes"] if mesh["name"] == model["reference"])
+    speeds, links = {reference_mesh["pinion"]: Fraction(1, teeth[reference_mesh["pinion"]])}, []
     for mesh in model["meshes"]:
-        a, b = mesh["pinion"], mesh["wheel"]
-        links.append((a, b, Fraction(teeth[a], teeth[b]) * (1 if mesh["internal"] else -1)))
+        body_a, body_b = mesh["pinion"], mesh["wheel"]
+        links.append(
+            (
+                body_a,
+                body_b,
+                Fraction(teeth[body_a], teeth[body_b]) * (1 if mesh["internal"] else -1),
+            )
+        )
     links += [(*shaft["bodies"], Fraction(1)) for shaft in model["shafts"]]
-    for a, b, ratio in links * len(links):
-        if a in speeds:
-            speeds.setdefault(b, speeds[a] * ratio)
-        elif b in speeds:
-            speeds[a] = speeds[b] / ratio
-    driving = next((mesh for mesh in model["meshes"] if mesh["driving"]), first)
+    for body_a, body_b, ratio in links * len(links):
+        if body_a in speeds:
+            speeds.setdefault(body_b, speeds[body_a] * ratio)
+        elif body_b in speeds:
+            speeds[body_a] = speeds[body_b] / ratio
+    driving = next((mesh for mesh in model["meshes"] if mesh["driving"]), reference_mesh)
     if _pinion_drives(driving, speeds) != (driving["driving"] in (None, driving["pinion"])):
         speeds = {name: -speed for name, speed in speeds.items()}
     return {name: speeds.get(name, Fraction(0)) for name in teeth}
 
 
 def _pinion_drives(mesh, speeds):
-    """Return whether the pinion pushes where drive-side flanks touch."""
-    # The pinion, or a ring gear, drives with these flanks if it turns in the mesh's `direction`.
+    """Return whether the pinion drives if the drive-side flanks touch."""
+    # The pinion, or a ring gear, drives with these flanks if it rotates in the mesh's `direction`.
     first = mesh["wheel"] if mesh["internal"] else mesh["pinion"]
     return (speeds[first] * mesh["direction"] > 0) != mesh["internal"]
 
 
 class Train(System):
-    """The system of a described train; `still` are (stiffness, load) of a carrier at rest."""
+    """The system of a described train; `still` is (stiffness, load) with the carrier at rest."""
 
     def __init__(self, model, tuning, context):
         self.model, self.bodies = model, {body["name"]: body for body in model["bodies"]}
@@ -65,17 +75,18 @@ class Train(System):
             self.add_rotating_frame_forces()
 
     def row(self, name, axis):
+        """Return the row of a displacement of a body along an axis, zeros if it is fixed."""
         key = (name, axis)
         return self.unit(self.names.index(key)) if key in self.names else self.zeros(self.n)
 
     def pin(self, body):
-        """Return the rows of the pin of a planet, radial and tangential; zeros for other bodies."""
+        """Return the radial and tangential rows of the pin of a planet, zeros for other bodies."""
         c, s = self.context.cos(body["angle"]), self.context.sin(body["angle"])
         x, y, u = (self.row(body["carrier"], axis) for axis in "xyu")
         return c * x + s * y, c * y - s * x + u
 
     def axes(self, body):
-        """Return the rows of an axis along its own x and y; of rigid pins those of the pin."""
+        """Return the rows of the centre of a body along its own x and y, or of its rigid pin."""
         rows = zip("xy", body["support_stiffness"], self.pin(body), strict=True)
         return [
             self.row(body["name"], axis) if self.context.isfinite(stiffness) else pin
@@ -83,15 +94,16 @@ class Train(System):
         ]
 
     def turn(self, body):
-        """Return e^(i angle) of the frame of a body."""
+        """Return e^(i angle) for the angle of the frame of a body."""
         return self.context.expj(body["angle"] if body["carrier"] else 0)
 
     def fixed(self, name):
-        """Return the rows of an axis along x and y of the frame."""
+        """Return the rows of the centre of a body along x and y of the common frame."""
         (x, y), turn = self.axes(self.bodies[name]), self.turn(self.bodies[name])
         return turn.real * x - turn.imag * y, turn.imag * x + turn.real * y
 
     def add_bodies(self):
+        """Add inertias, supports and torques of all bodies."""
         for name, body in self.bodies.items():
             r, turn = body["base_radius"], self.row(name, "u")
             rows = zip(self.axes(body), self.pin(body), strict=True)
@@ -106,6 +118,7 @@ class Train(System):
             self.load = self.load + turn * (body["torque"] / r)
 
     def add_shaft(self, shaft):
+        """Add the torsion and bending springs of a shaft between two bodies."""
         a, b = shaft["bodies"]
         twist = [self.row(name, "u") / self.bodies[name]["base_radius"] for name in (a, b)]
         self.spring(twist[0] - twist[1], shaft["stiffness"], shaft["damping"])
@@ -118,8 +131,8 @@ class Train(System):
         w = self.model["carrier_ratio"] * self.context.mpf(self.speeds[pinion]) * self.speed
         for body in self.bodies.values():
             (x, y), m, (cx, cy) = self.axes(body), body["mass"] or 0, body["support_damping"]
-            # The constant part m w^2 r turns with the carrier: a planet feels its change by the
-            # motion across the radius relative to the carrier.
+            # The constant force m w^2 r keeps the direction of the carrier's radius, so that motion
+            # across this radius, relative to the carrier, changes its components.
             relative = y - self.row(body["carrier"], "u")
             pulled = np.outer(x, x) + np.outer(relative, relative)
             self.damping = self.damping - 2 * m * w * (np.outer(x, y) - np.outer(y, x))
@@ -131,9 +144,10 @@ class Train(System):
                 self.stiffness += w * (cy * np.outer(y, x) - cx * np.outer(x, y))
 
     def line(self, mesh):
-        """Return the line of action as a complex number of size 1.
+        """Return the direction of the line of action as a complex number of modulus 1.
 
-        By the angle psi of the line of centres and the pressure angle a it is +-i e^(i(psi -+ a)).
+        With the angle psi of the line of centres and the pressure angle a it is +-i e^(i(psi -+
+        a)).
         """
         context, direction = self.context, mesh["direction"]
         if mesh["line_of_action"] is not None:
@@ -142,8 +156,9 @@ class Train(System):
         return direction * context.j * context.expj((mesh["position"] or 0) + direction * a)
 
     def add_mesh(self, mesh):
+        """Add a mesh with stiffness, deviations, friction and backlash of both flanks."""
         context, name, pinion = self.context, mesh["name"], mesh["pinion"]
-        #: (body, sign of its motion along the line of action, sign of its turning) in the distance
+        # An end is (body, sign of its motion along the line of action, sign of its rotation).
         ends = (pinion, 1, 1), (mesh["wheel"], -1, 1)
         ends = ((mesh["wheel"], 1, 1), (pinion, -1, -1)) if mesh["internal"] else ends
         first, second = (self.speeds[end[0]] for end in ends)
@@ -165,10 +180,10 @@ class Train(System):
         for i, deviation in enumerate(("deviation", "coast_deviation")):
             row, constant, waves = distances[i == 1 and mesh["moving_backlash"]]
             for n, a, b in harmonics(mesh[deviation]):
-                # Harmonics of both sides begin at the phase of the drive side.
+                # Harmonics of both sides are referred to the phase of the drive side.
                 z = (a + b * context.j) * context.expj(2 * context.pi * n * shifts[0])
                 waves = [*waves, (n * rate, z.real, z.imag)]
-            # Friction opposes the sliding; on the coast side the elastic force has the other sign.
+            # Friction opposes sliding. On the coast side the elastic force has the opposite sign.
             laws = {"friction": (1 - 2 * i) * mesh["friction"][i], "turns": pitches[i]}
             laws |= {"row": row, "course": self.rectangular_course(mesh, shifts[i])}
             laws |= {"constant": constant + (mesh["backlash"] if i else 0), "waves": waves}
@@ -179,16 +194,16 @@ class Train(System):
         self.add_contact(sides, film, rate=rate, across=across * slides)
 
     def distances(self, mesh, ends):
-        """Return the row of friction of a mesh, `ends` as in `add_mesh`, and distances of flanks.
+        """Return the row of friction of a mesh and two distances (row, constant, waves of run-out).
 
-        They are (row, constant, waves of run-out): all, and those that a moving backlash, Eq. (4),
-        counts from, without bearings, run-out and offsets.
+        The first distance includes all displacements. The second, for a moving backlash, Eq. (4),
+        omits bearings, run-out and offsets. `ends` are those of `add_mesh`.
         """
         row, across, turning_row = self.zeros(3, self.n)
         constant, run_out = mesh["error"], []
         for name, sign, turn in ends:
             body = self.bodies[name]
-            # The line of action as seen from the frame of the body.
+            # This is the line of action in the frame of the body.
             line = sign * self.line(mesh) / self.turn(body)
             turning = mesh["direction"] * turn * self.row(name, "u")
             x, y = self.axes(body)
@@ -198,7 +213,7 @@ class Train(System):
             turning_row += line.real * x + line.imag * y + turning
             x, y = body["offset"]
             constant += line.real * x + line.imag * y
-            # e (cos, sin)(speed tau + phase) along the line
+            # Run-out moves the centre by e (cos, sin)(speed tau + phase).
             if body["eccentricity"]:
                 z = line * body["eccentricity"] * self.context.expj(-body["eccentricity_phase"])
                 run_out.append((self.context.mpf(self.speeds[name]), z.real, z.imag))
@@ -217,7 +232,7 @@ class Train(System):
         return np.array(list(squares)), root.T @ np.array(shapes.tolist()), stiffness
 
     def set_units(self, tuning):
-        """Set units: the static deflection of the reference mesh, its strongest mode."""
+        """Set units of length, speed and force from the reference mesh and its strongest mode."""
         model, context = self.model, self.context
         if "derived" in model:
             # A certificate states its units.
@@ -236,7 +251,11 @@ class Train(System):
             self.speed = tuning * 2 * context.pi * model["reference_frequency"]
             return
         share = self.force * (line @ shapes) ** 2 / squares
-        # Modes of one frequency count as one; of equal energies, to rounding, the first.
-        energy = [sum(share[abs(squares - w) < 1e-6 * w]) for w in squares]
-        best = next(w for w, e in zip(squares, energy, strict=True) if e > 0.999999 * max(energy))
-        self.speed = tuning * context.sqrt(best)
+        # Modes of equal frequency count as one, and the first one wins if energies are equal.
+        energy = [sum(share[abs(squares - square) < 1e-6 * square]) for square in squares]
+        strongest = next(
+            square
+            for square, energy_sum in zip(squares, energy, strict=True)
+            if energy_sum > 0.999999 * max(energy)
+        )
+        self.speed = tuning * context.sqrt(strongest)

@@ -1,4 +1,4 @@
-"""What fits compare with data, against a second code in 50 digits and least squares of numpy."""
+"""Quantities that fits compare with data: against 50 digits and least squares of numpy."""
 
 import mpmath as mp
 import numpy as np
@@ -16,12 +16,13 @@ CLOSE = 1e-9
 
 
 def test_statistics_of_an_orbit_match_the_independent_program_in_50_digits():
-    # On the upper branch, where contact is lost.
+    """Compare each statistic of an orbit that loses contact with a second code in 50 digits."""
+    # Sweeping down reaches the upper branch, where contact is lost.
     tunings = np.linspace(0.7, 1.0, 8)
     run = gearlib.sweep(TRUTH, tunings, periods=300, record_periods=1, direction="down")
     speed, state = float(run.speed[0]), run.final_state.values[0]
-    point = observation.orbit_quantities(TRUTH, speed, state)
-    assert point["displacement_min"] < 0.0
+    quantities = observation.orbit_quantities(TRUTH, speed, state)
+    assert quantities["displacement_min"] < 0.0
     with mp.workdps(50):
         pair = describe(TRUTH)
         nu = mp.mpf(speed) * mp.pi * pair["teeth"] / 30 / system_of(pair, 1.0, mp).speed
@@ -31,14 +32,15 @@ def test_statistics_of_an_orbit_match_the_independent_program_in_50_digits():
         # The table has displacements in static deflections and forces in static loads.
         scale = {"displacement": system.length, "dynamic": system.length * system.force}
         for name in observation.STATISTICS:
-            expected = float(table[name][0] * scale.get(name.partition("_")[0], 1))
-            value = observation.mesh_quantity(point, name, mesh=0)
-            assert value == pytest.approx(expected, rel=CLOSE, abs=1e-30), name
+            reference_value = float(table[name][0] * scale.get(name.partition("_")[0], 1))
+            predicted_value = observation.mesh_quantity(quantities, name, mesh=0)
+            assert predicted_value == pytest.approx(reference_value, rel=CLOSE, abs=1e-30), name
 
 
 @pytest.mark.parametrize("gain", [False, True])
 @pytest.mark.parametrize("offset", [False, True])
 def test_gain_and_offset_of_a_sensor_match_least_squares_of_numpy(gain, offset):
+    """Eliminating gain and offset must leave the residuals of the linear least-squares problem."""
     rng = np.random.default_rng(5)
     measured, predicted = rng.normal(size=(2, 12))
     deviations = rng.uniform(0.5, 2.0, 12)
@@ -46,8 +48,16 @@ def test_gain_and_offset_of_a_sensor_match_least_squares_of_numpy(gain, offset):
         "x", measured, deviations, noise_known=True, unknown_gain=gain, unknown_offset=offset
     )
     residuals = (channel.signal_and_gain(predicted)[0] - measured) / deviations
-    measured, predicted, basis = measured / deviations, predicted / deviations, 1.0 / deviations
-    target = measured if gain else measured - predicted
-    columns = np.column_stack([predicted] * gain + [basis] * offset + [np.zeros(12)])
-    expected = columns @ np.linalg.lstsq(columns, target, rcond=None)[0] - target
-    assert np.abs(residuals - expected).max() < CLOSE * np.abs(expected).max()
+    # All rows are divided by their standard deviations.
+    weighted_measured, weighted_predicted = measured / deviations, predicted / deviations
+    columns = [np.zeros(12)]
+    if gain:
+        target = weighted_measured
+        columns.append(weighted_predicted)
+    else:
+        target = weighted_measured - weighted_predicted
+    if offset:
+        columns.append(1.0 / deviations)
+    matrix = np.column_stack(columns)
+    expected_residuals = matrix @ np.linalg.lstsq(matrix, target, rcond=None)[0] - target
+    assert np.abs(residuals - expected_residuals).max() < CLOSE * np.abs(expected_residuals).max()

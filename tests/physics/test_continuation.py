@@ -12,29 +12,29 @@ from gearlib.analysis.orbits.tracing import value_of, with_parameter
 from gearlib.analysis.tongues import meissner
 from tests.paper import PAPER
 
-#: Special points are searched to 1e-8, but agree to the rounding of an orbit, 1e-12, divided by
-#: the slope of the test function, which is above 1e-2 in all cases here.
-PLACE = 1e-10
+#: Largest error of the tuning of a special point. The search stops at 1e-8, but the points agree to
+#: the rounding of an orbit, 1e-12, divided by the slope of the test function, which is above 1e-2.
+TUNING_TOLERANCE = 1e-10
 #: Damped in contact only.
 MATERIAL = PAPER.replace(material_damping=3953.7)
 DAMPED = MATERIAL.replace(backlash_damping=800.0)
 
 
-def places(branch, label):
-    """Return the parameter of a branch at its points with a label."""
+def labelled_values(branch, label):
+    """Return the parameter values of the points of a branch that carry a label."""
     return branch[branch.attrs["parameter"]].values[branch.label.values == label]
 
 
 def undamped_branch(start, to):
-    """Return the branch of the undamped motion that does not lose contact at its start."""
+    """Follow the undamped orbit without contact loss from one tuning, `start`, to another, `to`."""
     return continue_orbit(
         periodic_orbit(PAPER, start, guess=meissner.orbit_state(PAPER, start)), to=to
     )
 
 
 @pytest.fixture(scope="module")
-def up():
-    """The branch of period-1 orbits over rising tuning, from 0.52 to 1.2."""
+def rising_branch():
+    """Return the branch of period-1 orbits over rising tuning, from 0.52 to 1.2."""
     return continue_orbit(periodic_orbit(MATERIAL, 0.52), to=1.2)
 
 
@@ -44,28 +44,32 @@ def test_a_search_over_six_periods_reports_the_least_period_two():
     )
     orbit = periodic_orbit(pair, 1.7, guess=(0.7, 0.9), period=6)
     assert orbit.period == 2
-    # The period-1 orbit nearby is a different orbit.
-    single = periodic_orbit(pair, 1.7, guess=orbit.state)
-    assert single.period == 1 and np.abs(single.state - orbit.state).max() > 1e-3
+    # There is a period-1 orbit nearby, which the search must not return.
+    period_1_orbit = periodic_orbit(pair, 1.7, guess=orbit.state)
+    assert period_1_orbit.period == 1 and np.abs(period_1_orbit.state - orbit.state).max() > 1e-3
 
 
 @pytest.mark.parametrize(("start", "to"), [(0.7, 0.82), (1.3, 1.0)])
 def test_an_orbit_labelled_grazing_just_touches_the_flank_line(start, to):
+    """Simulate from a point labelled grazing: its least displacement must be 0, the flank line."""
     branch = undamped_branch(start, to)
     point = int(np.flatnonzero(branch.label == GRAZING)[0])
     tuning, state = float(branch.tuning[point]), tuple(branch.state.values[point])
     run = simulate(PAPER, tuning, periods=1, initial_state=state)
-    # With the slope of this displacement over the tuning the place is known to PLACE.
-    assert float(run.displacement_min) == pytest.approx(0.0, abs=1e-2 * PLACE)
+    # The least displacement changes by at most 1e-2 for a tuning changed by 1.
+    assert float(run.displacement_min) == pytest.approx(0.0, abs=1e-2 * TUNING_TOLERANCE)
     np.testing.assert_allclose(run.final_state, state, rtol=0, atol=1e-11)
     assert periodic_orbit(PAPER, tuning, guess=state).grazing
 
 
 def test_period_doublings_lie_at_the_edges_of_the_tongue():
+    """The undamped orbit without contact loss is unstable exactly inside Meissner's tongue 3."""
     branch = undamped_branch(0.64, 0.69)
     tongue = meissner.tongue(meissner.equation_of(PAPER), order=3)
     edges = tongue.start, tongue.stop
-    np.testing.assert_allclose(places(branch, DOUBLING), edges, rtol=0, atol=PLACE)
+    np.testing.assert_allclose(
+        labelled_values(branch, DOUBLING), edges, rtol=0, atol=TUNING_TOLERANCE
+    )
     inside = (branch.tuning > edges[0] + 1e-6) & (branch.tuning < edges[1] - 1e-6)
     assert (branch.stable[inside] == 0).all() and branch.stable[0] == 1
 
@@ -76,38 +80,41 @@ def test_a_branch_from_a_period_doubling_repeats_after_two_periods():
         periodic_orbit(pair, 0.65, guess=meissner.orbit_state(pair, 0.65)), to=0.67
     )
     point = int(np.flatnonzero(branch.label == DOUBLING)[1])
-    doubled = switch_branch(pair, branch, point)
+    doubled_orbit = switch_branch(pair, branch, point)
     # The motion is linear: the branch keeps this tuning until its orbits graze.
-    assert doubled.period == 2
-    assert doubled.tuning == pytest.approx(float(branch.tuning[point]), abs=PLACE)
-    curve = continue_orbit(doubled, to=0.65)
-    assert curve.contacts.values[-1] == "FDFD" and float(curve.tuning[-1]) == 0.65
-    start = curve.state.values[-1]
-    once, twice = (
-        simulate(pair, 0.65, periods=n, initial_state=tuple(start)).final_state for n in (1, 2)
-    )
-    assert abs(twice - start).max() < 1e-11 and abs(once - start).max() > 0.01
+    assert doubled_orbit.period == 2
+    assert doubled_orbit.tuning == pytest.approx(float(branch.tuning[point]), abs=TUNING_TOLERANCE)
+    doubled_branch = continue_orbit(doubled_orbit, to=0.65)
+    assert doubled_branch.contacts.values[-1] == "FDFD" and float(doubled_branch.tuning[-1]) == 0.65
+    start = doubled_branch.state.values[-1]
+    after_one = simulate(pair, 0.65, periods=1, initial_state=tuple(start)).final_state
+    after_two = simulate(pair, 0.65, periods=2, initial_state=tuple(start)).final_state
+    assert abs(after_two - start).max() < 1e-11 and abs(after_one - start).max() > 0.01
     with pytest.raises(ValueError, match="labelled period doubling"):
         switch_branch(pair, branch, 0)
 
 
-def test_a_multiplier_is_one_at_a_fold_and_no_orbit_exists_beyond_it(up):
-    point = int(np.flatnonzero(up.label == FOLD)[0])
-    fold, state = float(up.tuning[point]), up.state.values[point]
-    assert abs(up.multiplier_real.values[point] - 1.0).min() < 1e-7
-    stable = [
-        periodic_orbit(MATERIAL, float(up.tuning[i]), guess=up.state.values[i]).stable
+def test_a_multiplier_is_one_at_a_fold_and_no_orbit_exists_beyond_it(rising_branch):
+    """At a fold a multiplier passes 1: stability changes, and no orbit exists at higher tuning."""
+    point = int(np.flatnonzero(rising_branch.label == FOLD)[0])
+    fold_tuning, state = float(rising_branch.tuning[point]), rising_branch.state.values[point]
+    assert abs(rising_branch.multiplier_real.values[point] - 1.0).min() < 1e-7
+    stability = [
+        periodic_orbit(
+            MATERIAL, float(rising_branch.tuning[i]), guess=rising_branch.state.values[i]
+        ).stable
         for i in (point - 1, point + 1)
     ]
-    assert stable == [True, False]
+    assert stability == [True, False]
     with pytest.raises(NoOrbit):
-        periodic_orbit(MATERIAL, fold + 1e-7, guess=state)
+        periodic_orbit(MATERIAL, fold_tuning + 1e-7, guess=state)
 
 
 @pytest.mark.parametrize(
     ("name", "end"), [("damping", 0.0), ("backlash_ratio", 2.0), ("contact_ratio", 1.4)]
 )
 def test_a_branch_over_another_parameter_ends_at_an_orbit_of_the_changed_pair(name, end):
+    """Compare the end of a branch with an orbit of the pair that has the final parameter value."""
     branch = continue_orbit(periodic_orbit(DAMPED, 0.95), name, to=end)
     assert float(branch[name][-1]) == end
     assert float(branch[name][0]) == pytest.approx(value_of(DAMPED, 0.95, name), rel=1e-12)
@@ -117,16 +124,19 @@ def test_a_branch_over_another_parameter_ends_at_an_orbit_of_the_changed_pair(na
 
 
 @pytest.mark.parametrize("label", [FOLD, GRAZING])
-def test_a_locus_ends_at_a_special_point_of_the_changed_pair(up, label):
+def test_a_locus_ends_at_a_special_point_of_the_changed_pair(rising_branch, label):
+    """A branch of the pair at the end of the locus must have a special point at its tuning."""
     # The locus of the second grazing ends at a tuning between 0.76 and 0.84.
-    point = int(np.flatnonzero(up.label == label)[1 if label == GRAZING else 0])
+    point = int(np.flatnonzero(rising_branch.label == label)[1 if label == GRAZING else 0])
     # The locus starts at 0, the lower bound of the damping in free flight.
-    curve = locus(MATERIAL, up, point, "backlash_damping", to=0.03)
+    curve = locus(MATERIAL, rising_branch, point, "backlash_damping", to=0.03)
     assert float(curve.backlash_damping[-1]) == 0.03 and curve.attrs["ended"] == "at its goal"
-    assert float(curve.tuning[0]) == pytest.approx(float(up.tuning[point]), abs=PLACE)
+    assert float(curve.tuning[0]) == pytest.approx(
+        float(rising_branch.tuning[point]), abs=TUNING_TOLERANCE
+    )
     pair, _ = with_parameter(MATERIAL, 1.0, "backlash_damping", 0.03)
     branch = continue_orbit(periodic_orbit(pair, 0.76), to=0.84)
     # The locus of folds solves its defining function to 1e-10.
-    assert abs(places(branch, label) - float(curve.tuning[-1])).min() < 1e-8
+    assert abs(labelled_values(branch, label) - float(curve.tuning[-1])).min() < 1e-8
     with pytest.raises(ValueError, match="labelled fold"):
-        locus(MATERIAL, up, 0, "damping", to=0.03)
+        locus(MATERIAL, rising_branch, 0, "damping", to=0.03)

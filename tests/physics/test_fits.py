@@ -26,11 +26,12 @@ SUN, PIN = "max_stiffness of mesh sun 1", "offset of body planet 1, y"
 
 def course(pair):
     """Return a speed course up through the resonance in half a second, and down again."""
-    low, high = pair.speed(0.6), pair.speed(1.0)
-    return [(0.0, low), (0.5, high), (1.0, low)]
+    low_speed, high_speed = pair.speed(0.6), pair.speed(1.0)
+    return [(0.0, low_speed), (0.5, high_speed), (1.0, low_speed)]
 
 
 def test_a_fit_without_coast_contact_reports_a_lower_bound_of_the_backlash():
+    """The largest travel into the backlash is all that the data tell of an untouched flank."""
     data = synthetic_rig(TRUTH, course(TRUTH), seed=3)
     free = {"material_damping": (1000.0, 9000.0), "backlash": (1e-5, 9e-5)}
     fit = gearlib.fit(TRUTH.replace(backlash=6e-5), data, free)
@@ -38,7 +39,7 @@ def test_a_fit_without_coast_contact_reports_a_lower_bound_of_the_backlash():
     assert sentence.startswith("backlash is not identifiable: the coast side is never in contact")
     bound = float(sentence.split("at least ")[1].split(" m")[0])
     run = gearlib.run_up(TRUTH, speed=course(TRUTH))
-    # The bound leaves out the revolutions in which the motion jumps, whose travel is larger.
+    # The bound omits the revolutions in which the motion jumps, whose travel is larger.
     assert 0.7 * bound < -float(run.displacement_min.min()) and bound < 1.01 * TRUTH.backlash
     assert not fit.params["backlash"].identifiable and "not known" in str(fit)
     assert fit.params["material_damping"].identifiable
@@ -54,11 +55,15 @@ def test_a_fit_with_coast_contact_recovers_the_backlash():
 
 
 def jump_speeds(pair):
-    """Return a dataset of the exact speeds at which sweeps down and up jump."""
+    """Return a dataset of the exact jump speeds of sweeps down and up, at the branch's folds."""
     branch = gearlib.continue_orbit(gearlib.periodic_orbit(pair, 1.1), to=0.6)
-    down, up = np.sort(branch.tuning.values[branch.label.values == FOLD]) * pair.speed(1.0)
+    jump_down_speed, jump_up_speed = np.sort(
+        branch.tuning.values[branch.label.values == FOLD]
+    ) * pair.speed(1.0)
     attrs = {"units": "min-1", "noise_std": 1.0}
-    return xr.Dataset({"jump_down": ((), down, attrs), "jump_up": ((), up, attrs)})
+    return xr.Dataset(
+        {"jump_down": ((), jump_down_speed, attrs), "jump_up": ((), jump_up_speed, attrs)}
+    )
 
 
 def test_two_jump_speeds_determine_two_parameters():
@@ -111,16 +116,16 @@ def test_load_sharing_and_orders_determine_a_stiffness_and_a_pin_error():
 
 
 def test_every_settable_parameter_reads_back_the_value_set():
-    # Two axes that share no value have no name together.
+    # Two axes with different values have no common name.
     train = planetary_set().with_values({"support_damping of body sun, y": 7.0})
     assert "support_damping of body sun" not in train.settable
-    # Of a support that is rigid along x, y alone is meant.
-    guided = gearlib.split_power_reducer(TRUTH)
+    # If a support is rigid along x, its name refers to y.
+    guided_train = gearlib.split_power_reducer(TRUTH)
     support = {"support_stiffness": (math.inf, 1e8), "support_damping": (0.0, 500.0)}
-    body = replace(guided.bodies[0], mass=3.0, **support)
-    guided = guided.replace(bodies=(body, *guided.bodies[1:]))
-    assert guided.value(f"support_damping of body {body.name}") == 500.0
-    for model in (train, guided):
+    body = replace(guided_train.bodies[0], mass=3.0, **support)
+    guided_train = guided_train.replace(bodies=(body, *guided_train.bodies[1:]))
+    assert guided_train.value(f"support_damping of body {body.name}") == 500.0
+    for model in (train, guided_train):
         for name in model.settable:
             value = model.value(name)
             copy = model.with_values({name: value})

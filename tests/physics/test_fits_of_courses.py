@@ -21,25 +21,29 @@ LOW, HIGH = TRUTH.speed(0.6), TRUTH.speed(0.75)
 
 
 def run_up(start, seed, gain=1.0, rate=20e3, **known):
-    """Return a run-up from LOW to HIGH, from the mesh phase `start` on, as a sensor records it.
+    """Return a run-up from LOW to HIGH as a sensor records it, with noise of 5 % and an offset.
 
-    It has `rate` samples a second, noise of 5 %, an offset, a gain, and a wave of the eccentricity
-    of the shaft. What is `known` of it, such as its phase, is stored as JSON.
+    `start` is the mesh phase at its beginning, `gain` the gain of the sensor and `rate` its number
+    of samples a second. The eccentricity of the shaft adds a wave over each revolution. The facts
+    that the fit may use, such as the speed course and `known` ones, are stored as JSON.
     """
-    # The speed is constant for this part of a mesh period, and one more: 24 periods a revolution.
+    # Before the ramp the speed is constant for one mesh period and the fraction that leads to the
+    # phase `start`; there are 24 mesh periods in a revolution.
     wait = (start / (2.0 * np.pi) + 1.0) / 24.0 / (LOW / 60.0)
-    speed, known["course"] = (
-        [(0.0, LOW), (wait, LOW), (wait + 0.6, HIGH)],
-        [(0.0, LOW), (0.6, HIGH)],
-    )
+    speed = [(0.0, LOW), (wait, LOW), (wait + 0.6, HIGH)]
+    known["course"] = [(0.0, LOW), (0.6, HIGH)]
     run = gearlib.run_up(TRUTH, speed=speed, samples_per_period=128)
     times = np.arange(0.0, 0.6, 1.0 / rate)
     signal = CubicSpline(run.time.values, run.displacement.values)(times + wait)
     turns = ShaftRotation(known["course"]).revolutions(times)
-    rng, noise, span = np.random.default_rng(seed), 0.05 * signal.std(), np.ptp(signal)
-    values = signal + rng.normal(0.0, noise, signal.size) + 0.3 * span
-    values += span * np.cos(2.0 * np.pi * turns + 1.0)
-    attrs = {"units": "m", "noise_std": gain * noise, "unknown_gain": int(gain != 1.0)}
+    rng, noise_deviation, signal_range = (
+        np.random.default_rng(seed),
+        0.05 * signal.std(),
+        np.ptp(signal),
+    )
+    values = signal + rng.normal(0.0, noise_deviation, signal.size) + 0.3 * signal_range
+    values += signal_range * np.cos(2.0 * np.pi * turns + 1.0)
+    attrs = {"units": "m", "noise_std": gain * noise_deviation, "unknown_gain": int(gain != 1.0)}
     data = xr.Dataset(
         {"displacement": ("sample", gain * values, attrs)}, {"time": ("sample", times)}
     )
@@ -58,17 +62,15 @@ def test_too_few_samples_in_a_mesh_period_are_refused():
 
 def test_orders_of_a_growing_wave_match_its_fourier_integrals():
     turns = (np.arange(3 * 500 + 2) + 0.3) / 500.0
-    grown = 1.0 + 0.2 * turns
-    result = regress_mesh_orders(
-        turns, grown * np.cos(2.0 * np.pi * 24.0 * turns), np.arange(4), 24
-    )[0]
-    # The integral of (1 + t / 5) cos(2 pi 24 t) e^{-2 pi i 24 t} over one turn.
-    expected = 0.5 * (1.1 + 0.2 * np.arange(3)) + 0.05j / (2.0 * np.pi * 24.0)
-    np.testing.assert_allclose(result[:, 0], expected, rtol=0, atol=3e-5)
+    signal = (1.0 + 0.2 * turns) * np.cos(2.0 * np.pi * 24.0 * turns)
+    orders = regress_mesh_orders(turns, signal, np.arange(4), 24)[0]
+    # The closed form is the integral of (1 + t / 5) cos(2 pi 24 t) e^{-2 pi i 24 t} over a turn.
+    integrals = 0.5 * (1.1 + 0.2 * np.arange(3)) + 0.05j / (2.0 * np.pi * 24.0)
+    np.testing.assert_allclose(orders[:, 0], integrals, rtol=0, atol=3e-5)
 
 
-def assert_found(result):
-    """Assert that a fit explains the data by the noise, and differs by four errors at most."""
+def assert_fit_recovers_truth(result):
+    """Assert that a fit explains the data within noise and errs by at most four standard errors."""
     assert 0.6 < result.redchi < 1.4 and not result.unknown
     for name, parameter in result.params.items():
         assert abs(parameter.value - getattr(TRUTH, name)) < 4.0 * parameter.stderr, name
@@ -77,39 +79,40 @@ def assert_found(result):
 def test_a_run_up_from_a_known_phase_determines_the_parameters():
     phase = 4.0
     result = gearlib.fit(GUESS, run_up(phase, seed=2, gain=2.0, phase=phase), FREE)
-    assert_found(result)
+    assert_fit_recovers_truth(result)
     for name, parameter in result.params.items():
         assert parameter.stderr < 0.02 * parameter.value, name
-    # A wrong phase does not fit. The eccentricity, as large as the signal, is no noise.
-    right, wrong = (
-        residuals(TRUTH, run_up(phase, seed=2, rate=13e3, phase=known))
-        for known in (phase, phase + 1.0)
-    )
-    assert wrong @ wrong > 100.0 * (right @ right) and 0.6 < right @ right / right.size < 1.4
+    # A wrong phase must not fit. With the right one the chi-square is near 1, so the wave of the
+    # eccentricity, as large as the signal, is not taken for noise.
+    right = residuals(TRUTH, run_up(phase, seed=2, rate=13e3, phase=phase))
+    wrong = residuals(TRUTH, run_up(phase, seed=2, rate=13e3, phase=phase + 1.0))
+    assert wrong @ wrong > 100.0 * (right @ right)
+    assert 0.6 < right @ right / right.size < 1.4
 
 
 def test_a_fit_omits_revolutions_with_gaps():
     data = run_up(0.0, seed=2)
     gap = (data.time > 0.25) & (data.time < 0.27)
-    for part in (data.isel(sample=~gap.values), data.where(~gap)):
+    for data_with_gap in (data.isel(sample=~gap.values), data.where(~gap)):
         with pytest.warns(UserWarning, match="2 of 21 revolutions are left out of the run-up"):
-            assert_found(gearlib.fit(GUESS, part, FREE))
+            assert_fit_recovers_truth(gearlib.fit(GUESS, data_with_gap, FREE))
     with pytest.raises(ValueError, match="time = 'of 21 revolutions with gaps' is not allowed"):
         gearlib.fit(GUESS, data.isel(sample=data.time.values % 0.02 > 0.003), FREE)
 
 
 @pytest.mark.parametrize(
     ("contact_ratio", "stated_noise", "words"),
-    # A reduced chi-square of 1.5, and one of 0.35 where the noise is stated six times too large.
+    # The reduced chi-square is 1.5, and 0.35 where the noise is stated six times too large.
     [(1.565, 1.0, "a chi-square of .* with 167 degrees"), (1.55, 6.0, "it changes sign 41 times")],
 )
 def test_a_fit_reports_a_model_that_does_not_describe_data_of_known_noise(
     contact_ratio, stated_noise, words
 ):
+    """A wrong contact ratio shows in chi-square or, if the noise is overstated, in sign changes."""
     data = run_up(0.0, seed=2)
     data.displacement.attrs["noise_std"] *= stated_noise
-    wrong = TRUTH.replace(contact_ratio=contact_ratio, reduced_mass=3.1)
-    result = gearlib.fit(wrong, data, {"reduced_mass": FREE["reduced_mass"]})
+    wrong_model = TRUTH.replace(contact_ratio=contact_ratio, reduced_mass=3.1)
+    result = gearlib.fit(wrong_model, data, {"reduced_mass": FREE["reduced_mass"]})
     (message,) = result.unknown
     assert result.redchi < 2.0 and re.search(words, message)
 
@@ -123,7 +126,7 @@ def test_a_run_up_whose_jumps_leave_no_whole_revolution_is_refused():
 
 def test_a_step_in_the_first_revolutions_hides_no_later_jump():
     orders = np.ones((160, 3), complex)
-    # A transient, larger than the jump, in the revolutions that are not compared.
+    # The first three revolutions, which are not compared, contain a step larger than the jump.
     orders[3:] *= 20.0
     orders[80:] /= 5.0
     _, _, jumps = _compared_revolutions(orders, np.ones(160))

@@ -18,7 +18,11 @@ HEIGHT = ("displacement_max",)
 
 
 def resonance(pair, seed, names=(*HEIGHT, "contact_loss_fraction"), gain=1.0, count=11):
-    """Return a resonance curve at so many speeds, up and down, with noise; none if seed is None."""
+    """Return a synthetic resonance curve, measured at `count` speeds up and down.
+
+    Each of the variables `names` has noise of 2 % of its standard deviation, or none if `seed` is
+    None, and is multiplied by the `gain` of its sensor.
+    """
     rng, tunings = np.random.default_rng(seed), np.linspace(0.6, 1.0, count)
     runs = [
         gearlib.sweep(pair, tunings, periods=300, record_periods=1, direction=direction)
@@ -40,17 +44,18 @@ def resonance(pair, seed, names=(*HEIGHT, "contact_loss_fraction"), gain=1.0, co
 
 
 def test_a_fit_to_exact_curves_of_unknown_noise_recovers_the_damping():
-    # Jumps are known to half a step only: with one scale for all they would pull damping by 12 %.
-    guess, free = TRUTH.replace(material_damping=4200.0), FREE["material_damping"]
-    fit = gearlib.fit(guess, resonance(TRUTH, None), {"material_damping": free})
-    # The orbits of data and model settle to some 1e-9 of each other.
-    found = fit.params["material_damping"].value
-    assert found == pytest.approx(TRUTH.material_damping, rel=1e-7) and not fit.unknown
+    # Jump speeds are known to half a step only. If they shared one noise scale with the curves,
+    # they would change the damping by 12 %.
+    guess, bounds = TRUTH.replace(material_damping=4200.0), FREE["material_damping"]
+    fit = gearlib.fit(guess, resonance(TRUTH, None), {"material_damping": bounds})
+    # The orbits of data and model settle to about 1e-9 of each other.
+    damping = fit.params["material_damping"].value
+    assert damping == pytest.approx(TRUTH.material_damping, rel=1e-7) and not fit.unknown
 
 
 def test_the_load_is_not_identifiable_with_an_unknown_gain():
-    # While the coast-side flank is not struck, lengths are proportional to the load, and shares of
-    # time do not depend on it.
+    # While the coast flank is not touched, displacements are proportional to the load and fractions
+    # of time do not depend on it.
     data = resonance(TRUTH, 1, gain=2.5)
     guess = TRUTH.replace(reduced_mass=3.1, load=3200.0)
     fit = gearlib.fit(guess, data, {name: FREE[name] for name in ("reduced_mass", "load")})
@@ -59,12 +64,15 @@ def test_the_load_is_not_identifiable_with_an_unknown_gain():
 
 
 def test_a_speed_measured_twice_counts_twice():
-    single = resonance(TRUTH, 3).isel(sample=slice(12))
-    residuals = observations_of(TRUTH, single)[0].residuals(TRUTH)
-    double = xr.concat([single, single], "sample", combine_attrs="override")
-    both = observations_of(TRUTH, double)[0].residuals(TRUTH)
-    assert both.size == 2 * residuals.size
-    np.testing.assert_allclose(both @ both, 2.0 * residuals @ residuals, rtol=1e-9)
+    """Repeating all measurements must double the sum of squared residuals."""
+    once = resonance(TRUTH, 3).isel(sample=slice(12))
+    residuals = observations_of(TRUTH, once)[0].residuals(TRUTH)
+    twice = xr.concat([once, once], "sample", combine_attrs="override")
+    repeated_residuals = observations_of(TRUTH, twice)[0].residuals(TRUTH)
+    assert repeated_residuals.size == 2 * residuals.size
+    np.testing.assert_allclose(
+        repeated_residuals @ repeated_residuals, 2.0 * residuals @ residuals, rtol=1e-9
+    )
 
 
 def test_points_are_compared_with_the_branch_on_their_side_of_the_jump():
@@ -75,33 +83,35 @@ def test_points_are_compared_with_the_branch_on_their_side_of_the_jump():
     for curve in points.draw(points.predicted_signals(TRUTH)):
         values, fitted = curve.values
         assert np.sqrt(np.mean((fitted - values) ** 2)) < 0.05 * np.ptp(values)
-    # A model that jumps some points later has no large residual: a point of the data is compared
-    # with the branch that it is on, not with the motion of the model at its speed.
-    near = TRUTH.replace(reduced_mass=1.02 * TRUTH.reduced_mass)
-    residuals = points.residuals(near).reshape(2, -1)
-    curves = resonance(near, 0, count=21)
-    for name, differences in zip(data.data_vars, residuals, strict=True):
-        pointwise = [
-            np.interp(data.speed[half], curves.speed[half], curves[name][half]) - data[name][half]
+    # A model that jumps some points later has no large residual, because each point of the data is
+    # compared with the branch that it lies on, not with the settled motion at its speed.
+    heavier_pair = TRUTH.replace(reduced_mass=1.02 * TRUTH.reduced_mass)
+    residuals = points.residuals(heavier_pair).reshape(2, -1)
+    heavier_curves = resonance(heavier_pair, 0, count=21)
+    for name, branch_residuals in zip(data.data_vars, residuals, strict=True):
+        pointwise_differences = [
+            np.interp(data.speed[half], heavier_curves.speed[half], heavier_curves[name][half])
+            - data[name][half]
             for half in (slice(0, 21), slice(21, None))
         ]
-        largest = np.abs(pointwise).max() / data[name].noise_std
-        assert np.abs(differences).max() < 0.5 * largest
+        largest = np.abs(pointwise_differences).max() / data[name].noise_std
+        assert np.abs(branch_residuals).max() < 0.5 * largest
 
 
 def test_jumps_and_onset_of_gears_on_rigid_bearings_match_their_pair():
-    # Found near the measured speeds, in sweeps and on branches of all coordinates.
+    # The speeds are searched near the measured ones, by sweeps and branches of all coordinates.
     model = gears(math.inf, 3953.7, 3953.7)
     tunings = {"jump_down": 0.7, "jump_up": 0.82, "onset_of_contact_loss": 0.8}
     measured = {name: float(model.speed(tuning)) for name, tuning in tunings.items()}
-    result, expected = (resonance_speeds(one, measured) for one in (model, model.pair))
-    assert result == pytest.approx(expected, rel=1e-11) and result.keys() == tunings.keys()
+    speeds = resonance_speeds(model, measured)
+    pair_speeds = resonance_speeds(model.pair, measured)
+    assert speeds == pytest.approx(pair_speeds, rel=1e-11) and speeds.keys() == tunings.keys()
 
 
 @pytest.mark.parametrize("name", ["speed", "displacement_max"])
 def test_missing_values_are_refused(name):
     data = resonance(TRUTH, 1, HEIGHT)
     data[name].values[3] = np.nan
-    words = f"^{name} = .*NaN.* not allowed: it must be finite in each"
-    with pytest.raises(ValueError, match=words):
+    message = f"^{name} = .*NaN.* not allowed: it must be finite in each"
+    with pytest.raises(ValueError, match=message):
         gearlib.fit(TRUTH, data, FREE)

@@ -16,7 +16,10 @@ from tests.unit.test_whole_periods import event_by_event
 
 
 def gear_pair(damping, oil=None, backlash_ratio=4.0, **changed):
-    """Return a pair by its damping ratios, in contact and, if another, in free flight: `oil`."""
+    """Return a pair with given damping ratios in contact, `damping`, and in free flight, `oil`.
+
+    If `oil` is None, both are equal. `changed` holds ratios other than those of the paper.
+    """
     shape = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879} | changed
     oil = damping if oil is None else oil
     return GearPair.from_ratios(
@@ -32,6 +35,7 @@ BOX = (-6.0, 6.0)
 
 
 def grid(count):
+    """Return axes of `count` initial displacements and velocities within BOX."""
     return (*BOX, count), (*BOX, count)
 
 
@@ -41,30 +45,34 @@ def grid(count):
 def test_basins_match_runs_event_by_event(pair, tuning, periods):
     result = basins(pair, tuning, grid(17))
     states = np.stack(np.meshgrid(result.displacement, result.velocity, indexing="ij"), axis=-1)
-    # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
-    m = mesh_at_tuning(ratios(pair), tuning)
-    ends = np.array([event_by_event(m, x, v, 600)[1:] for x, v in states.reshape(-1, 2)])
-    distances = np.linalg.norm(ends[:, None, None] - result.state.values, axis=-1)
+    # After 600 periods all runs are settled: the slowest orbit attracts by exp(-0.03) per period.
+    scaled_mesh = mesh_at_tuning(ratios(pair), tuning)
+    final_states = np.array(
+        [event_by_event(scaled_mesh, x, v, 600)[1:] for x, v in states.reshape(-1, 2)]
+    )
+    distances = np.linalg.norm(final_states[:, None, None] - result.state.values, axis=-1)
     nearest = np.where(np.isnan(distances), np.inf, distances).min(axis=2)
     assert (nearest.min(axis=1) < 1e-6).all()
     np.testing.assert_array_equal(nearest.argmin(axis=1), result.basin.values.ravel())
-    # Every point of the orbit of most periods belongs to it, and is mapped into the next one.
-    longest = int(np.argmax(result.period.values))
-    assert result.period[longest] == periods
-    points = result.state.values[longest, :periods]
+    # Each point of the orbit with the most periods lies in its basin and is mapped to the next.
+    longest_attractor = int(np.argmax(result.period.values))
+    assert result.period[longest_attractor] == periods
+    points = result.state.values[longest_attractor, :periods]
     for x, v in points:
         assert int(basins(pair, tuning, ([x], [v])).period[0]) == periods
         run = sweep(pair, [tuning], periods=64, record_periods=16, initial_state=(x, v))
         assert int(run.period[0]) == periods
-    ends, _ = Stroboscope(pair, tuning)(points, 1)
-    np.testing.assert_allclose(ends, np.roll(points, -1, axis=0), atol=1e-11)
+    final_states, _ = Stroboscope(pair, tuning)(points, 1)
+    np.testing.assert_allclose(final_states, np.roll(points, -1, axis=0), atol=1e-11)
 
 
 def test_chaotic_and_unbounded_motions_are_classified():
-    soft = gear_pair(damping=0.0164, backlash_ratio=7.2, contact_ratio=1.6, stiffness_ratio=0.35)
-    result = basins(soft, 0.44, grid(4), periods=200)
+    lightly_damped = gear_pair(
+        damping=0.0164, backlash_ratio=7.2, contact_ratio=1.6, stiffness_ratio=0.35
+    )
+    result = basins(lightly_damped, 0.44, grid(4), periods=200)
     assert result.attractor_kind.values.tolist() == [CHAOTIC] and result.exponent[0] > 0.5
-    # The tongue at twice the eigenfrequency, wide open for large motions.
+    # Large motions grow inside the tongue at twice the eigenfrequency, small ones settle.
     result = basins(LIGHT, 1.9, grid(8))
     assert result.attractor_kind.values.tolist() == [PERIODIC, UNBOUNDED]
     run = sweep(LIGHT, [1.9], periods=4000, record_periods=1, initial_state=(6.0, -6.0))
@@ -79,32 +87,38 @@ def test_contact_without_damping_has_no_attractor():
 
 
 def test_lyapunov_exponents_match_the_multipliers():
+    """The exponent of a periodic orbit is the logarithm of its largest multiplier per period."""
     tunings = np.array([0.62, 0.66, 0.7, 1.0, 1.2])
     diagram = gearlib.bifurcation_diagram(LIGHT, tunings)
     rates = gearlib.lyapunov_exponents(
         LIGHT, tunings, states=diagram.final_state.values, periods=4000
     )
-    for nu, rate, state, n in zip(
+    for nu, exponent, state, period in zip(
         tunings, rates.exponent, diagram.final_state.values, diagram.period, strict=True
     ):
-        orbit = periodic_orbit(LIGHT, nu, guess=state, period=int(n))
+        orbit = periodic_orbit(LIGHT, nu, guess=state, period=int(period))
         expected = np.log(np.abs(orbit.multipliers).max()) / orbit.period
-        # A bounded factor remains of the start and the end: its logarithm over 4000 periods.
-        assert float(rate) == pytest.approx(expected, abs=3.0 / 4000)
+        # Start and end change the growth by a bounded factor, whose logarithm is spread over 4000.
+        assert float(exponent) == pytest.approx(expected, abs=3.0 / 4000)
 
 
 def test_poincare_sections_match_samples_of_the_time_course():
+    """A section at a phase must hold every eighth of eight samples a period."""
     state, nu = (0.3, 0.2), 0.9
     run = simulate(
         BOTH, nu, periods=30, record_periods=10, samples_per_period=8, initial_state=state
     )
-    for i in (0, 3):
-        phase = 2.0 * math.pi * i / 8
+    for sample in (0, 3):
+        phase = 2.0 * math.pi * sample / 8
         for pair in (BOTH, OneDegreePair(pair=BOTH)):
-            cut = gearlib.poincare_section(pair, nu, [state], periods=10, settle=20, phase=phase)
-            np.testing.assert_allclose(cut.displacement[0], run.displacement[i::8], atol=1e-10)
-            np.testing.assert_allclose(cut.velocity[0], run.velocity[i::8], atol=1e-10)
-            np.testing.assert_allclose(cut.final_state[0], run.final_state, atol=1e-10)
+            section = gearlib.poincare_section(
+                pair, nu, [state], periods=10, settle=20, phase=phase
+            )
+            np.testing.assert_allclose(
+                section.displacement[0], run.displacement[sample::8], atol=1e-10
+            )
+            np.testing.assert_allclose(section.velocity[0], run.velocity[sample::8], atol=1e-10)
+            np.testing.assert_allclose(section.final_state[0], run.final_state, atol=1e-10)
 
 
 def test_a_bifurcation_diagram_matches_the_sweep():
@@ -119,17 +133,18 @@ def test_a_bifurcation_diagram_matches_the_sweep():
 
 
 def test_basin_stability_matches_a_fine_grid():
+    """Shares of random initial states must agree with a grid within three standard errors."""
     tunings = [0.74, 0.75, 0.76, 1.2]
-    shares = gearlib.basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
-    np.testing.assert_allclose(shares.share.sum("attractor_family"), 1.0)
-    np.testing.assert_allclose((shares.share > 0).sum("attractor_family"), [2, 2, 2, 1])
+    stability = gearlib.basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
+    np.testing.assert_allclose(stability.share.sum("attractor_family"), 1.0)
+    np.testing.assert_allclose((stability.share > 0).sum("attractor_family"), [2, 2, 2, 1])
     exact = basins(BOTH, 0.75, grid(80))
     for family in range(2):
-        result = shares.isel(attractor_family=family).sel(tuning=0.75)
-        error = 3.0 * float(result.share_error)
-        assert float(result.share) == pytest.approx(float(exact.share[family]), abs=error)
-        assert float(result.displacement_max) == pytest.approx(
+        family_result = stability.isel(attractor_family=family).sel(tuning=0.75)
+        error = 3.0 * float(family_result.share_error)
+        assert float(family_result.share) == pytest.approx(float(exact.share[family]), abs=error)
+        assert float(family_result.displacement_max) == pytest.approx(
             float(exact.displacement_max[family])
         )
-    again = gearlib.basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
-    assert shares.identical(again)
+    repeated = gearlib.basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
+    assert stability.identical(repeated)

@@ -15,7 +15,8 @@ RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.06}
 DIGITS = mpmath.mpf(10) ** -40
 
 
-def digits_of(value):
+def exact_number(value):
+    """Convert a decimal number, given as text or mpf, to an mpf without rounding it to a float."""
     return mpmath.mpf(str(value))
 
 
@@ -31,13 +32,14 @@ def digits_of(value):
     ],
 )
 def test_linear_high_precision_runs_match_closed_forms(changes, tuning, state):
+    """Compare runs in 50 digits with closed forms of the linear motions between events."""
     pair = GearPair.from_ratios(**(RATIOS | changes))
     end, phases, contacts = references.precise_run(pair, tuning, periods=6, digits=50, state=state)
     (x, v), *events = propagate_pair(pair, tuning, periods=6, state=state)
     assert [*map(tuple, contacts.tolist())] == [event[1:3] for event in events]
-    assert max(abs(digits_of(a) - b) for a, b in zip(end, (x, v), strict=True)) < DIGITS
+    assert max(abs(exact_number(a) - b) for a, b in zip(end, (x, v), strict=True)) < DIGITS
     for phase, event in zip(phases, events, strict=True):
-        assert abs(digits_of(phase) - event[0]) < DIGITS
+        assert abs(exact_number(phase) - event[0]) < DIGITS
 
 
 #: Static deflection and eigenfrequency are 1, and so all ratios floats without rounding.
@@ -58,10 +60,10 @@ def test_high_precision_runs_with_cubic_damping_match_the_independent_program():
     with mpmath.workdps(40):
         # `move` integrates the equations with the code of `tests.independent`.
         tuning, periods, state = 0.75, 2, (0.0, -1.0)
-        expected = move(describe(model), tuning, periods, state, context=mpmath.mp)
+        reference = move(describe(model), tuning, periods, state, context=mpmath.mp)
         end, _, contacts = references.precise_run(model, tuning, periods, digits=36, state=state)
-        events = [[event.before, event.after] for event in expected.events]
+        events = [[event.before, event.after] for event in reference.events]
         assert contacts.tolist() == events and events
-        pairs = zip(end, expected.mesh_state(), strict=True)
-        # Some of the 36 digits are for the growth of rounding.
-        assert max(abs(digits_of(a) - b) for a, b in pairs) < mpmath.mpf(10) ** -28
+        components = zip(end, reference.mesh_state(), strict=True)
+        # Eight of the 36 digits allow for the growth of rounding.
+        assert max(abs(exact_number(a) - b) for a, b in components) < mpmath.mpf(10) ** -28

@@ -27,34 +27,37 @@ def planetary_set(error):
 
 
 @pytest.fixture(scope="module")
-def search():
+def nominal_search():
+    """Return the search for the quantities NAMES around the nominal design DAMPED."""
     return DesignQuantities(DAMPED, NAMES, speed=float(DAMPED.speed(0.9)))
 
 
-def test_jumps_onset_and_peak_match_a_whole_branch(search):
-    # Numbers of the design are a little off.
-    changes = {"max_stiffness": 1.02, "contact_ratio": 0.97, "load": 1.03, "backlash": 0.98}
-    model = DAMPED.replace(**{name: x * getattr(DAMPED, name) for name, x in changes.items()})
-    values = dict(zip(NAMES, search.evaluate(model)[0], strict=True))
+def test_jumps_onset_and_peak_match_a_whole_branch(nominal_search):
+    """Special points and maximum of branches of a perturbed design must match its quantities."""
+    factors = {"max_stiffness": 1.02, "contact_ratio": 0.97, "load": 1.03, "backlash": 0.98}
+    perturbed = {name: factor * getattr(DAMPED, name) for name, factor in factors.items()}
+    model = DAMPED.replace(**perturbed)
+    values = dict(zip(NAMES, nominal_search.evaluate(model)[0], strict=True))
     down = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.55)
     orbit = gearlib.periodic_orbit(model, 0.75)
     assert orbit.pattern == (1,)
     up = gearlib.continue_orbit(orbit, to=1.0)
-    first = [np.flatnonzero(branch.label.values == special.FOLD)[0] for branch in (up, down)]
-    touch = np.flatnonzero(up.label.values == special.GRAZING)[0]
-    # The motion jumps up at the first fold of the branch from above, and falls at the next but one.
-    last = np.flatnonzero(down.label.values == special.FOLD)[2]
-    places = up.tuning[first[0]], down.tuning[last], up.tuning[touch]
-    for name, place in zip((*JUMPS, "onset_of_contact_loss"), places, strict=True):
-        assert values[name] == pytest.approx(float(model.speed(place)), rel=1e-9), name
-    # Of points of a curve the highest is a little lower than its top.
-    before = down.displacement_max.values[: first[1] + 1]
-    top = float(before.max()) * model.static_deflection
-    assert top <= values["peak"] * (1.0 + 1e-12) and values["peak"] < 1.01 * top
+    up_folds = np.flatnonzero(up.label.values == special.FOLD)
+    down_folds = np.flatnonzero(down.label.values == special.FOLD)
+    grazing = np.flatnonzero(up.label.values == special.GRAZING)[0]
+    # The upward jump is at the first fold over rising tuning. The downward jump is at the third
+    # fold of the branch from above.
+    tunings = up.tuning[up_folds[0]], down.tuning[down_folds[2]], up.tuning[grazing]
+    for name, tuning in zip((*JUMPS, "onset_of_contact_loss"), tunings, strict=True):
+        assert values[name] == pytest.approx(float(model.speed(tuning)), rel=1e-9), name
+    # The highest computed point of a curve is a little lower than its maximum.
+    heights = down.displacement_max.values[: down_folds[0] + 1]
+    highest = float(heights.max()) * model.static_deflection
+    assert highest <= values["peak"] * (1.0 + 1e-12) and values["peak"] < 1.01 * highest
 
 
 def test_the_fold_of_a_narrow_hysteresis_is_found():
-    # Just below the damping at which both jumps meet: 0.3 rpm apart.
+    # Bisection finds the damping at which both jumps meet; just below they are 0.3 rpm apart.
     model = PAPER.replace(backlash_damping=500.0, backlash=60e-6, stiffness_ratio=0.6)
     low, high = 4e3, 1.4e4
     for _ in range(20):
@@ -68,6 +71,7 @@ def test_the_fold_of_a_narrow_hysteresis_is_found():
 
 
 def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
+    """A period doubling before the fold must not end the search for the downward jump."""
     model = PAPER.replace(
         max_stiffness=4.22e8,
         stiffness_ratio=0.5714,
@@ -76,29 +80,31 @@ def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
         load=3146.3,
         backlash=266e-6,
     )
-    unit = 2.0 * model.reduced_mass * model.mean_eigenfrequency
-    model = model.replace(material_damping=0.05 * unit)
-    fall = main_resonance(model, ("jump_down",)).jump_down
-    branch = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.9 * fall)
+    damping_scale = 2.0 * model.reduced_mass * model.mean_eigenfrequency
+    model = model.replace(material_damping=0.05 * damping_scale)
+    jump_down = main_resonance(model, ("jump_down",)).jump_down
+    branch = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.9 * jump_down)
     labels = branch.label.values
     fold = int(np.flatnonzero(labels == special.FOLD)[0])
     assert (labels[:fold] == special.DOUBLING).any()
-    assert branch.tuning.values[fold] == pytest.approx(fall, rel=1e-9)
+    assert branch.tuning.values[fold] == pytest.approx(jump_down, rel=1e-9)
 
 
-def test_a_design_without_jumps_reports_no_jump_and_the_linear_peak(search):
+def test_a_design_without_jumps_reports_no_jump_and_the_linear_peak(nominal_search):
     model = DAMPED.replace(material_damping=1.1e4)
-    results = dict(zip(NAMES, zip(*search.evaluate(model), strict=True), strict=True))
+    values, codes = nominal_search.evaluate(model)
+    value_by_name = dict(zip(NAMES, values, strict=True))
+    code_by_name = dict(zip(NAMES, codes, strict=True))
     for name in (*JUMPS, "onset_of_contact_loss"):
-        assert np.isnan(results[name][0]) and results[name][1] == ABSENT
-    peak, code = results["peak"]
+        assert np.isnan(value_by_name[name]) and code_by_name[name] == ABSENT
     run = gearlib.sweep(model, np.linspace(0.85, 1.05, 81), periods=300, record_periods=1)
-    top = float(run.displacement_max.max()) * model.static_deflection
-    assert code == FOUND and peak == pytest.approx(top, rel=1e-4)
+    highest = float(run.displacement_max.max()) * model.static_deflection
+    assert code_by_name["peak"] == FOUND
+    assert value_by_name["peak"] == pytest.approx(highest, rel=1e-4)
 
 
-def test_quantities_at_the_duty_point_match_duty_point(search):
-    values = dict(zip(NAMES, search.nominal, strict=True))
+def test_quantities_at_the_duty_point_match_duty_point(nominal_search):
+    values = dict(zip(NAMES, nominal_search.nominal, strict=True))
     point = gearlib.duty_point(DAMPED, float(DAMPED.speed(0.9)))
     assert values["peak_force_ratio"] == pytest.approx(float(point.peak_force_ratio), rel=1e-9)
     assert values["force"] == pytest.approx(float(point.mesh_force_max), rel=1e-9)
@@ -107,49 +113,54 @@ def test_quantities_at_the_duty_point_match_duty_point(search):
 
 
 def test_jump_and_onset_of_a_six_degree_model_match_its_branch():
+    """Onset and upward jump must lie at the first grazing and the first fold of the branch."""
     model = gears(5e8, material=4.5e3, oil=300.0)
     names = ("onset_of_contact_loss", *JUMPS)
     values, codes = DesignQuantities(model, names).evaluate(model)
     low, high = (float(model.tuning_at(rpm)) for rpm in (3900.0, 4200.0))
     up = gearlib.continue_orbit(gearlib.periodic_orbit(model, low), to=high)
-    places = [
+    points = [
         np.flatnonzero(up.label.values == label)[0] for label in (special.GRAZING, special.FOLD)
     ]
-    assert values[:2] == pytest.approx(model.speed(up.tuning.values[places]), rel=1e-9)
-    # On the way down the period doubles before the fold.
+    assert values[:2] == pytest.approx(model.speed(up.tuning.values[points]), rel=1e-9)
+    # The branch over falling tuning is lost where its period doubles before the fold.
     assert np.isnan(values[2]) and codes[2] == LOST
 
 
 def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
+    """A sweep at speeds just below and above onset and jump must show the loss and the jump."""
     train = planetary_set(0.0)
-    search = DesignQuantities(train, ("onset_of_contact_loss", "jump_up"))
-    onset, jump = search.nominal
-    # An error of either sign loads a planet less.
+    nominal_search = DesignQuantities(train, ("onset_of_contact_loss", "jump_up"))
+    onset, jump = nominal_search.nominal
+    # A pin error of either sign unloads a planet, which then loses contact earlier.
     for sign in (1.0, -1.0):
-        assert search.evaluate(planetary_set(sign * 1e-7))[0][0] < onset
+        assert nominal_search.evaluate(planetary_set(sign * 1e-7))[0][0] < onset
     speeds = [0.9 * onset, onset - 2.0, onset + 2.0, jump - 4.0, jump + 4.0]
     run = gearlib.sweep(train, speeds=speeds, direction="up", periods=1500, record_periods=1)
-    lost = (run.fraction_drive < 1.0 - FRACTION_TOLERANCE).any("mesh")
-    assert lost.values.tolist() == [False, False, True, True, True]
-    height = (run.displacement_max - run.displacement_min).max("mesh").values
-    assert height[4] > 1.3 * height[3] and height[3] < 1.1 * height[2]
+    loses_contact = (run.fraction_drive < 1.0 - FRACTION_TOLERANCE).any("mesh")
+    assert loses_contact.values.tolist() == [False, False, True, True, True]
+    peak_to_peak = (run.displacement_max - run.displacement_min).max("mesh").values
+    assert peak_to_peak[4] > 1.3 * peak_to_peak[3] and peak_to_peak[3] < 1.1 * peak_to_peak[2]
 
 
 def test_sobol_indices_of_a_quotient_match_its_moments():
-    # At constant stiffness the mesh rests at load / stiffness: indices of a product, by moments.
+    # At constant stiffness the mesh rests at load / stiffness, so that the contact margin is a
+    # product of two independent variables, whose indices follow from their moments.
     model = PAPER.replace(stiffness_ratio=1.0, material_damping=4e3)
     tolerances = {"load": {"min": 1e3, "max": 6e3}, "max_stiffness": {"min": 2e8, "max": 7.5e8}}
     indices = sobol_indices(model, tolerances, ("contact_margin",), 512, seed=3, speed=3000.0)
     load, stiffness = stats.uniform(1e3, 5e3), stats.uniform(2e8, 5.5e8)
-    mean, square = load.mean(), load.moment(2)
-    other, inverse = (stiffness.expect(lambda x, n=n: x**-n) for n in (1.0, 2.0))
-    variance = square * inverse - (mean * other) ** 2
-    parts = (square - mean**2) * other**2, (inverse - other**2) * mean**2
-    first, second = (part / variance for part in parts)
-    index = indices.first_index.values[0]
-    # Of 512 designs.
-    assert index == pytest.approx((first, second), abs=0.02)
-    assert indices.total_index.values[0] == pytest.approx([1.0 - second, 1.0 - first], abs=0.02)
-    low, high = indices.first_index_interval.values[0].T
-    assert ((low < index) & (index < high)).all()
+    load_mean, load_square = load.mean(), load.moment(2)
+    compliance_mean = stiffness.expect(lambda k: k**-1.0)
+    compliance_square = stiffness.expect(lambda k: k**-2.0)
+    variance = load_square * compliance_square - (load_mean * compliance_mean) ** 2
+    load_index = load.var() * compliance_mean**2 / variance
+    stiffness_index = (compliance_square - compliance_mean**2) * load_mean**2 / variance
+    first_indices = indices.first_index.values[0]
+    total_indices = indices.total_index.values[0]
+    # The tolerance allows for the sampling error of 512 designs.
+    assert first_indices == pytest.approx((load_index, stiffness_index), abs=0.02)
+    assert total_indices == pytest.approx([1.0 - stiffness_index, 1.0 - load_index], abs=0.02)
+    lower_bounds, upper_bounds = indices.first_index_interval.values[0].T
+    assert ((lower_bounds < first_indices) & (first_indices < upper_bounds)).all()
     assert int(indices.missing_designs[0]) == 0

@@ -1,4 +1,4 @@
-"""One gear set has one dynamic factor, however it is asked for, and one close to 1 at low speed."""
+"""A gear set has the same dynamic factor by every route, and one close to 1 at low speed."""
 
 import json
 
@@ -31,8 +31,8 @@ RING = {
 }
 
 
-def command(*arguments):
-    """Return what a command prints for the gears in gears.yaml."""
+def run_command(*arguments):
+    """Run a command of gearlib on gears.yaml and return its printed output."""
     line = [arguments[0], "--config", "gears.yaml", *map(str, arguments[1:])]
     result = CliRunner().invoke(main, line)
     assert result.exit_code == 0, result.output
@@ -40,17 +40,19 @@ def command(*arguments):
 
 
 def dynamic_factors(settings, gears):
-    """Yield the dynamic factor at the speed of the gears, by each way to ask for it."""
+    """Yield the dynamic factor at the speed of the gears from each function and command."""
     speed, damping_ratio = gears["speed"], DAMPINGS["usual"]["damping_ratio"]
     mesh = settings.gears.mesh()
     load = {"torque": gears["torque"], "damping_ratio": damping_ratio}
     yield duty_point(mesh, speed, **load).dynamic_factor.item()
-    rows = {row["name"]: row["values"] for row in json.loads(command("gears", "--format", "json"))}
+    rows = {
+        row["name"]: row["values"] for row in json.loads(run_command("gears", "--format", "json"))
+    }
     yield from rows["dynamic_factor"].values()
-    command("simulate", "-o", "run.nc")
+    run_command("simulate", "-o", "run.nc")
     yield xr.load_dataset("run.nc").dynamic_factor.item()
     speeds = ("--start", f"{speed} rpm", "--stop", f"{1.01 * speed} rpm", "--points", 2)
-    command("sweep", *speeds, "--direction", "cold", "-o", "sweep.nc")
+    run_command("sweep", *speeds, "--direction", "cold", "-o", "sweep.nc")
     yield float(xr.load_dataset("sweep.nc").dynamic_factor[0])
     run = {"periods": settings.periods, "record_periods": 10, "initial_state": "static"}
     models = model(settings.gears_model("usual", pitch_errors=True)), model(settings.pair("usual"))
@@ -58,23 +60,23 @@ def dynamic_factors(settings, gears):
     yield motion.dynamic_factor.item()
     from gearlib.explorer import view
 
-    yield view.compute_view(settings_mapping(gears), "usual").run.dynamic_factor.item()
+    yield view.compute_view(configuration(gears), "usual").run.dynamic_factor.item()
 
 
-def settings_mapping(gears):
-    """Return the configuration of gears."""
-    tunings = {"tunings": [f"{gears['speed']} rpm"]}
-    return {"gears": gears, "dampings": DAMPINGS, "phase_planes": tunings}
+def configuration(gears):
+    """Return the configuration, as a dict, of given gears at their speed."""
+    phase_planes = {"tunings": [f"{gears['speed']} rpm"]}
+    return {"gears": gears, "dampings": DAMPINGS, "phase_planes": phase_planes}
 
 
 @pytest.mark.parametrize("gears", [SPUR, HELICAL, RING])
 def test_library_commands_and_explorer_give_the_same_dynamic_factor(gears, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    mapping = settings_mapping(gears)
+    mapping = configuration(gears)
     (tmp_path / "gears.yaml").write_text(yaml.safe_dump(mapping), encoding="utf-8")
-    first, *others = dynamic_factors(config.load(mapping), gears)
-    assert first > 1.005 and len(others) == 5
-    assert others == pytest.approx([first] * 5, rel=1e-9)
+    duty_point_factor, *other_factors = dynamic_factors(config.load(mapping), gears)
+    assert duty_point_factor > 1.005 and len(other_factors) == 5
+    assert other_factors == pytest.approx([duty_point_factor] * 5, rel=1e-9)
     mesh = config.load(mapping).gears.mesh()
-    slow = duty_point(mesh, 1.0, torque=gears["torque"], damping_ratio=0.05)
-    assert slow.dynamic_factor == pytest.approx(1.0, abs=0.01)
+    slow_point = duty_point(mesh, 1.0, torque=gears["torque"], damping_ratio=0.05)
+    assert slow_point.dynamic_factor == pytest.approx(1.0, abs=0.01)

@@ -1,4 +1,4 @@
-"""Run-out: motions that repeat with it, over single runs, sweeps and Lyapunov exponents."""
+"""Run-out: motions that repeat with it in single runs, sweeps and `trust`."""
 
 import math
 
@@ -20,19 +20,20 @@ def damped(teeth):
 
 @pytest.mark.parametrize(("teeth", "repeats", "nu"), [((24, 24), 24, 0.9), (UNEQUAL, 744, 0.7)])
 def test_a_damped_motion_repeats_with_the_run_out(teeth, repeats, nu):
+    """Runs, sweeps and periodic orbits must all have the period after which both gears repeat."""
     pair = damped(teeth)
     assert pair.repeats == repeats
     settings = {"periods": 2 * repeats + 300, "record_periods": 1}
     run = simulate(pair, nu, **settings)
     assert int(run.period) == repeats
     assert int(sweep(pair, [nu], **settings).period[0]) == repeats
-    # Shooting, which knows nothing of the run-out, finds the same motion, of as many periods.
-    result = periodic_orbit(pair, nu, period=repeats)
-    assert result.stable and int(result.dataset().period) == repeats
+    # Shooting, which makes no use of the repeat, must find the same motion.
+    orbit = periodic_orbit(pair, nu, period=repeats)
+    assert orbit.stable and int(orbit.dataset().period) == repeats
     run = sweep(pair, [nu], periods=10 * repeats, record_periods=1)
-    start = simulate(pair, nu, periods=1, initial_state=tuple(result.state), samples_per_period=1)
-    expected = float(start.displacement[0]), float(start.velocity[0])
-    np.testing.assert_allclose(run.final_state[0], expected, atol=1e-9)
+    start = simulate(pair, nu, periods=1, initial_state=tuple(orbit.state), samples_per_period=1)
+    orbit_state = float(start.displacement[0]), float(start.velocity[0])
+    np.testing.assert_allclose(run.final_state[0], orbit_state, atol=1e-9)
 
 
 def test_trust_is_undecided_below_two_repeats_of_the_run_out():
@@ -43,34 +44,35 @@ def test_trust_is_undecided_below_two_repeats_of_the_run_out():
 
 
 def repeating_period(displacement, velocity, repeats):
-    """Return the period of a motion by its states at the bounds of periods, of a range about 1."""
+    """Return the period of a motion whose states at the bounds of mesh periods are given."""
     states = np.stack([displacement, velocity], axis=1)
     return orbit.orbit_period(states, tuning=1.0, displacement_range=1.0, repeats=repeats)
 
 
 def test_the_period_is_judged_over_a_whole_repeat_of_the_run_out():
+    """Sines and cosines with known periods stand for motions with a run-out of 30 periods."""
     repeats = 30
     phase = 2.0 * math.pi * np.arange(4 * repeats + 40) / repeats
     x, v = np.sin(phase), np.cos(phase)
     assert repeating_period(x, v, repeats) == repeats
     assert repeating_period(x[: 2 * repeats], v[: 2 * repeats], repeats) == repeats
-    # One period less shows less than two repeats.
+    # One period less shows fewer than two repeats.
     assert repeating_period(x[: 2 * repeats - 1], v[: 2 * repeats - 1], repeats) == 0
     assert repeating_period(x + 0.1 * np.sin(phase / 2.0), v, repeats) == 2 * repeats
-    # The run-outs of both gears may cancel: then the motion has a period of its own.
+    # If the run-outs of both gears cancel, the motion may have a period of three.
     assert repeating_period(np.arange(400.0) % 3, np.zeros(400), repeats) == 3
-    # 2e-7 from a period to the next is less than the tolerance, 0.06 in half a repeat is not.
+    # A drift of 2e-7 a period is below the tolerance, but adds up to 0.06 in half a repeat.
     slow = 0.03 * np.sin(2.0 * math.pi * np.arange(2_000_000) / 1_000_000)
     assert repeating_period(slow, np.zeros_like(slow), 1_000_000) == 1_000_000
 
 
 def test_a_sweep_carries_the_run_out_phase_from_one_tuning_to_the_next():
-    # The tunings are equal up to rounding: the sweep, from the last one down, is a single run.
+    # All tunings are equal up to rounding, so that the downward sweep is one continuous run.
     pair, nu = damped(UNEQUAL), 0.9
     tunings = nu + 1e-13 * np.arange(5)
     swept = sweep(pair, tunings, periods=10, record_periods=10, direction="down")
-    for i in range(5):
-        run = simulate(pair, nu, periods=10 * (5 - i), record_periods=10)
-        # Rounding of the tuning over fifty periods with bounces.
-        np.testing.assert_allclose(swept.final_state[i], run.final_state, atol=1e-9)
-        assert float(swept.displacement_max[i]) == pytest.approx(float(run.displacement_max))
+    for index in range(5):
+        run = simulate(pair, nu, periods=10 * (5 - index), record_periods=10)
+        # The tunings differ by 1e-13, which fifty periods with bounces amplify.
+        np.testing.assert_allclose(swept.final_state[index], run.final_state, atol=1e-9)
+        assert float(swept.displacement_max[index]) == pytest.approx(float(run.displacement_max))

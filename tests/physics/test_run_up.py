@@ -56,13 +56,14 @@ PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
     ],
 )
 def test_a_run_up_without_acceleration_matches_a_run_at_constant_speed(model, tuning, start):
+    """Compare time courses, events and statistics of a run-up at constant speed with `simulate`."""
     periods, options = 24, {"samples_per_period": 16, "initial_state": start}
     run = gearlib.simulate(model, tuning, periods=periods, record_periods=periods, **options)
-    speed, length = float(run.speed), float(run.static_deflection)
+    speed, static_deflection = float(run.speed), float(run.static_deflection)
     seconds = periods * math.tau / float(run.mesh_frequency)
     run_up = gearlib.run_up(model, speed, speed, duration=seconds, **options)
-    # The roundings of a run, larger where contact is lost.
-    assert np.abs(run_up.displacement / length - run.displacement.values).max() < 1e-10
+    # The bounds allow for rounding, which contact loss amplifies.
+    assert np.abs(run_up.displacement / static_deflection - run.displacement.values).max() < 1e-10
     for name in ("velocity", "acceleration", "dynamic_force"):
         scale = float(run[f"{name.removeprefix('dynamic_')}_scale"])
         difference = run_up[name] / scale - run[name].values
@@ -71,42 +72,58 @@ def test_a_run_up_without_acceleration_matches_a_run_at_constant_speed(model, tu
     times = run.event_phase.values / float(run.mesh_frequency)
     assert np.abs(run_up.event_time.values - times).max(initial=0.0) < 1e-10 * seconds
     if run_up.sizes["revolution"] == 1:
-        assert np.abs(run_up.displacement_max[0] / length - run.displacement_max) < 1e-12
+        assert np.abs(run_up.displacement_max[0] / static_deflection - run.displacement_max) < 1e-12
         assert np.abs(run_up.fraction_drive[0] - run.fraction_drive) < 1e-10
         assert np.abs(run_up.bounces[0] - run.bounces) < 1e-10
 
 
-def reference(model, speed, load, push=0.0):
-    """Return the `RunUp` of the code of `tests.independent` along courses of speed and load.
+def reference_run_up(model, speed, load, push=0.0):
+    """Return a `RunUp` of the code of `tests.independent` along courses of speed and load.
 
-    `push` is the acceleration of a pair, m/s^2, for 1 rad/s^2 of the mesh; others have their own.
+    `push` is the acceleration of a pair, m/s^2, for 1 rad/s^2 of the mesh; models with more
+    coordinates know their accelerations.
     """
-    turn, accelerations = float(model.mesh_frequency(1.0)) / float(model.speed(1.0)), [push]
+    radians_per_rpm, accelerations = (
+        float(model.mesh_frequency(1.0)) / float(model.speed(1.0)),
+        [push],
+    )
     if model.size > 2:
         accelerations = acceleration.train_accelerations(model.train or model)
         accelerations = accelerations * model.static_deflection
-    return RunUp(describe(model), speed, load, turn, accelerations)
+    return RunUp(describe(model), speed, load, radians_per_rpm, accelerations)
 
 
 def random_course(rng, model, tuning, periods, swing):
-    """Return random courses of the speed, (s, rpm), and of the load, (s, factor), as lists.
+    """Return random courses of speed, as (s, rpm), and load, as (s, factor).
 
-    They last so many mesh periods of the tuning, from whose speed they differ by the share `swing`.
-    The load is one at the ends and jumps in between.
+    They last `periods` mesh periods at the tuning. Speeds differ from the speed of the tuning by at
+    most the fraction `swing`. The load factor is 1 at the ends and jumps in between.
     """
-    span = periods * math.tau / float(model.mesh_frequency(tuning))
-    times = [0.0, *(span * np.sort(rng.uniform(0.1, 0.9, 2))).tolist(), span]
+    duration = periods * math.tau / float(model.mesh_frequency(tuning))
+    times = [0.0, *(duration * np.sort(rng.uniform(0.1, 0.9, 2))).tolist(), duration]
     factors = 1.0 + swing * rng.uniform(-1.0, 1.0, 4)
     speed = list(zip(times, (float(model.speed(tuning)) * factors).tolist(), strict=True))
-    before, after = rng.uniform(0.5, 1.5, 2).tolist()
-    return speed, [(0.0, 1.0), (0.3 * span, before), (0.3 * span, after), (0.7 * span, 1.0)]
+    factor_before, factor_after = rng.uniform(0.5, 1.5, 2).tolist()
+    return speed, [
+        (0.0, 1.0),
+        (0.3 * duration, factor_before),
+        (0.3 * duration, factor_after),
+        (0.7 * duration, 1.0),
+    ]
 
 
 def assert_moves_as_the_reference(run, code, state, room, frequency):
-    """Assert that displacements, relative, and event phases of a frequency agree to `room`."""
-    expected, events = code.move(*np.split(state, 2), run.time.values)
-    displacements = run.displacement.values.reshape(expected.shape)
-    assert np.abs(displacements - expected).max() < room * np.abs(expected).max()
+    """Assert that displacements and event times of a run agree with the reference `code`.
+
+    `state` is the initial state, m and m/s. `room` bounds the relative error of displacements and
+    the error of event times in units of 1 / `frequency`.
+    """
+    reference_displacements, events = code.move(*np.split(state, 2), run.time.values)
+    displacements = run.displacement.values.reshape(reference_displacements.shape)
+    assert (
+        np.abs(displacements - reference_displacements).max()
+        < room * np.abs(reference_displacements).max()
+    )
     assert run.sizes["event"] == len(events) > 2
     times = [float(event[0]) for event in events]
     assert np.abs(run.event_time.values - times).max() < room / frequency
@@ -115,6 +132,7 @@ def assert_moves_as_the_reference(run, code, state, room, frequency):
 @pytest.mark.parametrize("model", [WAVY, DAMPED, DAMPED.replace(contact_ratio=1.2)])
 @pytest.mark.parametrize("standstill", [False, True])
 def test_run_ups_of_pairs_that_drive_a_mass_match_the_independent_program(model, standstill):
+    """Compare run-ups along random courses, from speed or standstill, with a second code."""
     speed, load = random_course(np.random.default_rng(3), model, 0.7, 20, swing=0.6)
     if standstill:
         speed[0] = 0.0, 0.0
@@ -122,13 +140,13 @@ def test_run_ups_of_pairs_that_drive_a_mass_match_the_independent_program(model,
     options = {"load": load, "driven_mass": mass, "base_radius": radius, "samples_per_period": 8}
     run = gearlib.run_up(model, speed=speed, initial_state=(0.0, 0.0), **options)
     assert ("Taylor steps" in run.attrs["source"]) == (model is WAVY)
-    code = reference(model, speed, load, mass * radius / model.teeth / model.reduced_mass)
+    code = reference_run_up(model, speed, load, mass * radius / model.teeth / model.reduced_mass)
     assert_moves_as_the_reference(run, code, np.zeros(2), 1e-12, model.mean_eigenfrequency)
 
 
 @pytest.mark.parametrize("standstill", [0, 3])
 def test_run_ups_of_tooth_pairs_without_relief_match_their_gear_pair(standstill):
-    """Without relief pairs of teeth of constant stiffness are the rectangle of closed forms."""
+    """Without relief, tooth pairs of constant stiffness equal a rectangular stiffness profile."""
     iso = {"stiffness": "iso", "corner_contact": False, "torque": 300.0, "damping_ratio": 0.05}
     mesh = replace(fzg_c(), backlash=2e-6)
     model = gearlib.LoadSharingPair.from_geometry(mesh, **iso, backlash_damping_ratio=0.01)
@@ -136,21 +154,20 @@ def test_run_ups_of_tooth_pairs_without_relief_match_their_gear_pair(standstill)
     speed[standstill] = speed[standstill][0], 0.0
     mass, radius = 0.5 * model.reduced_mass, 0.05
     options = {"load": load, "driven_mass": mass, "base_radius": radius, "samples_per_period": 8}
-    ours, theirs = (
-        gearlib.run_up(pair, speed=speed, initial_state=(0.5, 0.0), **options)
-        for pair in (model, model.pair)
-    )
-    assert ours.sizes == theirs.sizes and ours.sizes["event"] > 2
-    assert ours.sizes["revolution"] > 1
-    for name in theirs.data_vars:
-        # The force jumps at a switch of the stiffness, a sample may lie before or behind it.
-        scale, allowed = np.abs(theirs[name]).max(), 2 * (name in ("acceleration", "dynamic_force"))
-        different = np.abs(ours[name] - theirs[name]) > 1e-9 * scale
-        assert int(different.sum()) <= allowed, name
+    teeth_run = gearlib.run_up(model, speed=speed, initial_state=(0.5, 0.0), **options)
+    pair_run = gearlib.run_up(model.pair, speed=speed, initial_state=(0.5, 0.0), **options)
+    assert teeth_run.sizes == pair_run.sizes and teeth_run.sizes["event"] > 2
+    assert teeth_run.sizes["revolution"] > 1
+    for name in pair_run.data_vars:
+        scale = np.abs(pair_run[name]).max()
+        different = np.abs(teeth_run[name] - pair_run[name]) > 1e-9 * scale
+        # The force jumps at a switch of the stiffness, and a sample may lie on either side of it.
+        most_different = 2 if name in ("acceleration", "dynamic_force") else 0
+        assert int(different.sum()) <= most_different, name
 
 
 def test_run_ups_of_tooth_pairs_match_scipy():
-    """The parabolas of teeth with relief and errors, integrated over time from one to the next."""
+    """Integrate the forces of teeth with relief and errors, law by law, with scipy."""
     system, turn = TEETH.system(1.0), float(TEETH.mesh_frequency(1.0))
     first, last = 0.5, 0.9
     end = 2.0 * system.starts[-1] / (first + last)
@@ -161,6 +178,7 @@ def test_run_ups_of_tooth_pairs_match_scipy():
         times.append(times[-1] + 2.0 * (stop - begin) / speeds.sum())
 
         def rates(t, z, i=i, start=times[-2], speed=speeds[0]):
+            """Return the derivatives of the state `z` over time, with the laws of interval `i`."""
             phase = (t - start) * (speed + 0.5 * rate * (t - start))
             overlaps, active = system.overlap_laws[i], system.active_pairs[i]
             touching = touching_set(overlaps, active, system.coast_line, phase, z[0])
@@ -173,7 +191,7 @@ def test_run_ups_of_tooth_pairs_match_scipy():
         motion = solve_ivp(rates, times[-2:], state, "DOP853", rtol=1e-11, atol=1e-11)
         state = motion.y[:, -1]
     seconds = times[-1] / turn
-    # The last piece begins with a sample where the integration ends.
+    # A new piece of the speed course puts a sample at the end of the integration.
     course = [(0.0, first), (seconds, last), (1.1 * seconds, last)]
     run = gearlib.run_up(
         TEETH,
@@ -183,9 +201,11 @@ def test_run_ups_of_tooth_pairs_match_scipy():
         samples_per_period=1,
     )
     assert times[-1] == pytest.approx(end, rel=1e-12) and run.sizes["event"] > 2
-    found = run.isel(time=int(np.abs(run.time.values - seconds).argmin()))
+    final_sample = run.isel(time=int(np.abs(run.time.values - seconds).argmin()))
     scales = TEETH.static_deflection * np.array([1.0, turn])
-    np.testing.assert_allclose([found.displacement, found.velocity] / scales, state, atol=1e-9)
+    np.testing.assert_allclose(
+        [final_sample.displacement, final_sample.velocity] / scales, state, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -198,16 +218,17 @@ def test_run_ups_of_tooth_pairs_match_scipy():
     ],
 )
 def test_run_ups_with_many_coordinates_match_the_independent_program(model, tuning):
+    """Compare run-ups along random courses of gears on bearings and trains with a second code."""
     rng = np.random.default_rng(0)
     speed, load = random_course(rng, model, tuning, 8, swing=0.2)
     start = "static" if model.mesh_names else tuple(rng.normal(0.0, 1.0, model.size))
     run = gearlib.run_up(model, speed=speed, load=load, initial_state=start, samples_per_period=4)
-    code = reference(model, speed, load)
+    code = reference_run_up(model, speed, load)
     z = model.start_state(start) if model.mesh_names else np.array(start)
-    # In m, and its rates by the phase of the mesh as rates by the time of the reference.
+    # The reference has displacements in m, and derivatives with respect to its own time.
     z = z * model.static_deflection * np.repeat([1.0, code.pieces[0].speed], model.size // 2)
-    fastest = math.sqrt((model.train or model).linear_modes[0].max())
-    assert_moves_as_the_reference(run, code, z, 1e-11, fastest)
+    highest_frequency = math.sqrt((model.train or model).linear_modes[0].max())
+    assert_moves_as_the_reference(run, code, z, 1e-11, highest_frequency)
 
 
 @pytest.mark.parametrize(
@@ -216,7 +237,8 @@ def test_run_ups_with_many_coordinates_match_the_independent_program(model, tuni
 )
 @pytest.mark.parametrize("load", [0.4, -0.4])
 def test_gears_of_constant_stiffness_stay_in_the_static_state(model, load):
-    # The load is turned up at the end, after the last revolution that is compared.
+    """Without excitation the mesh forces must equal the static forces, of either sign."""
+    # The load changes at the end, after the last revolution that is compared.
     course = [(0.0, load), (0.4, load), (0.4, 1.0)]
     run = gearlib.run_up(model, 3000.0, 3000.0, duration=0.5, load=course)
     steady = run.isel(revolution=slice(15))
@@ -227,35 +249,41 @@ def test_gears_of_constant_stiffness_stay_in_the_static_state(model, load):
 
 @pytest.mark.parametrize("model", [PAPER.replace(material_damping=3953.7), TRAIN])
 def test_statistics_of_a_revolution_match_its_time_course(model):
-    # So slow that vibrations die out between two switches of the stiffness.
+    """Extrema, means and fractions of a revolution must follow from its dense samples."""
+    # At these speeds vibrations decay between two switches of the stiffness.
     speeds = (1000.0, 1500.0) if model is TRAIN else (300.0, 700.0)
     steps = {"load": [(0.21, 1.0), (0.21, 0.6)], "samples_per_period": 512}
     run = gearlib.run_up(model, *speeds, duration=0.4, initial_state=(0.0, 0.0), **steps)
-    force, length = float(np.max(run.mean_force)), model.static_deflection
-    # Mesh periods of a revolution: a sun of 27 teeth, whose carrier turns by 3/14 of its angle.
-    teeth = 27.0 * 11.0 / 14.0 if model is TRAIN else 24.0
+    force, static_deflection = float(np.max(run.mean_force)), model.static_deflection
+    # In the train the sun has 27 teeth, and the carrier turns by 3/14 of its angle.
+    periods_per_revolution = 27.0 * 11.0 / 14.0 if model is TRAIN else 24.0
     # A mesh period belongs to the revolution in which its middle lies. 0.382 is added in place of
     # 0.5, since in the train seven revolutions end just in the middle of a mesh period, 148.5.
-    number = ((np.floor(run.phase.values / math.tau + 1e-9) + 0.382) / teeth).astype(int)
-    starts = np.searchsorted(number, np.arange(run.sizes["revolution"] + 1))
+    revolutions = (
+        (np.floor(run.phase.values / math.tau + 1e-9) + 0.382) / periods_per_revolution
+    ).astype(int)
+    starts = np.searchsorted(revolutions, np.arange(run.sizes["revolution"] + 1))
     assert run.sizes["revolution"] >= 3
     for i, (begin, end) in enumerate(pairwise(starts)):
-        part, own = run.isel(time=slice(begin, end)), run.isel(revolution=i)
+        samples, statistics = run.isel(time=slice(begin, end)), run.isel(revolution=i)
         for name in ("displacement", "dynamic_force"):
-            scale = {"displacement": length, "dynamic_force": force}[name]
-            above = own[f"{name}_max"] - part[name].max("time")
-            below = part[name].min("time") - own[f"{name}_min"]
-            # A tenth of a radian lies between samples, some of fast modes of trains: x'' h^2 / 8.
+            scale = {"displacement": static_deflection, "dynamic_force": force}[name]
+            excess_of_maximum = statistics[f"{name}_max"] - samples[name].max("time")
+            excess_of_minimum = samples[name].min("time") - statistics[f"{name}_min"]
+            # Extrema between samples exceed them by up to x'' h^2 / 8, more for fast modes of
+            # trains.
             scale *= 2e-2 if model is TRAIN else 5e-3
-            assert -1e-7 * scale < above.min() and above.max() < scale
-            assert -1e-7 * scale < below.min() and below.max() < scale
-        mean = np.trapezoid(part.dynamic_force, part.time, axis=0) / np.ptp(part.time.values)
-        # Where the stiffness switches the force jumps, within a step of 512.
-        assert np.abs(mean - own.mean_force).max() < 5e-3 * force
+            assert -1e-7 * scale < excess_of_maximum.min() and excess_of_maximum.max() < scale
+            assert -1e-7 * scale < excess_of_minimum.min() and excess_of_minimum.max() < scale
+        mean = np.trapezoid(samples.dynamic_force, samples.time, axis=0) / np.ptp(
+            samples.time.values
+        )
+        # The force jumps where the stiffness switches, which costs the mean one step of 512.
+        assert np.abs(mean - statistics.mean_force).max() < 5e-3 * force
         for name, code in (
             ("fraction_drive", 1),
             ("contact_loss_fraction", 0),
             ("fraction_coast", -1),
         ):
-            share = (part.contact == code).mean("time")
-            assert np.abs(share - own[name]).max() < 5e-3
+            share = (samples.contact == code).mean("time")
+            assert np.abs(share - statistics[name]).max() < 5e-3

@@ -1,4 +1,4 @@
-"""`gearlib.scatter`: bands against plain loops of `sweep`, shards, probabilities of branches."""
+"""`gearlib.scatter`: bands against loops of `sweep`, shards, probabilities of motions."""
 
 import numpy as np
 import pytest
@@ -16,23 +16,23 @@ MANY = {
     "damping_ratio": {"min": 0.03, "max": 0.17},
     "correlations": [["load", "backlash", 0.4]],
 }
-NU = np.linspace(0.6, 1.1, 11)
-RUNS = {"tunings": NU, "quantities": (), "directions": ("up", "down", "seeded")}
+TUNINGS = np.linspace(0.6, 1.1, 11)
+RUNS = {"tunings": TUNINGS, "quantities": (), "directions": ("up", "down", "seeded")}
 
 
 @pytest.fixture(scope="module")
-def whole():
-    """The scatter of all 100 samples at once."""
+def whole_scatter():
+    """Return the scatter of all 100 samples, computed at once."""
     return scatter(PAIR, MANY, n=100, **RUNS)
 
 
 def plain_sweeps(designs, count):
-    """Return peak-to-peak displacement, dynamic factor and whether contact is lost, by `sweep`.
+    """Return peak-to-peak displacement, dynamic factor and contact loss of sweeps of designs.
 
-    The shape is (3, designs, directions, tunings).
+    The shape is (3, designs, directions, tunings); contact loss is 1 or 0.
     """
     points = designs.points(0, count)
-    speeds, rows = PAIR.replace(load=3300.0, material_damping=0.0).speed(NU), []
+    speeds, rows = PAIR.replace(load=3300.0, material_damping=0.0).speed(TUNINGS), []
     for point, values in zip(points, designs.values(points), strict=True):
         model = designs.model(values)
         for direction in RUNS["directions"]:
@@ -41,32 +41,35 @@ def plain_sweeps(designs, count):
                 # A random state from the default box, -6 to 6 in both coordinates.
                 start = {"initial_state": tuple(12.0 * point[-2:] - 6.0)}
             run = gearlib.sweep(model, speeds=speeds, periods=120, record_periods=20, **start)
-            height = (run.displacement_max - run.displacement_min) * run.static_deflection
-            rows.append((height, run.dynamic_force_max, run.bounces > 0.0))
-    return np.array(rows).reshape(count, 3, 3, NU.size).transpose(2, 0, 1, 3)
+            peak_to_peak = (run.displacement_max - run.displacement_min) * run.static_deflection
+            rows.append((peak_to_peak, run.dynamic_force_max, run.bounces > 0.0))
+    return np.array(rows).reshape(count, 3, 3, TUNINGS.size).transpose(2, 0, 1, 3)
 
 
 def test_bands_match_quantiles_of_plain_sweeps():
+    """Compare bands and probabilities with quantiles and means of plain sweeps of 24 designs."""
     designs = Designs(PAIR, MANY)
-    height, factor, lost = plain_sweeps(designs, 24)
+    peak_to_peak, dynamic_factor, loses_contact = plain_sweeps(designs, 24)
     result = scatter(PAIR, MANY, n=24, **RUNS)
-    for name, own in (("height_band", height), ("factor_band", factor)):
+    for name, values in (("height_band", peak_to_peak), ("factor_band", dynamic_factor)):
         # Bands are stored in single precision.
-        assert np.allclose(result[name], np.quantile(own, QUANTILES, axis=0), rtol=3e-7)
-    assert np.array_equal(result.contact_loss_probability, lost.mean(axis=0))
-    up, down = height[:, 0], height[:, 1]
-    two = np.abs(up - down) > 0.02 * np.maximum(up, down)
-    assert two.any() and np.allclose(result.two_motions_probability, two.mean(axis=0))
+        assert np.allclose(result[name], np.quantile(values, QUANTILES, axis=0), rtol=3e-7)
+    assert np.array_equal(result.contact_loss_probability, loses_contact.mean(axis=0))
+    up, down = peak_to_peak[:, 0], peak_to_peak[:, 1]
+    has_two_motions = np.abs(up - down) > 0.02 * np.maximum(up, down)
+    assert has_two_motions.any() and np.allclose(
+        result.two_motions_probability, has_two_motions.mean(axis=0)
+    )
 
 
-def test_any_division_into_shards_gives_the_same_bytes(whole, tmp_path):
-    cuts = [(50, 100), (0, 3), (3, 50)]
-    for i, ends in enumerate(cuts):
-        part = shard(PAIR, MANY, 100, *ends, threads=i + 1, **RUNS)
-        storage.write(part, tmp_path / f"{i}.nc")
-    parts = [storage.read(tmp_path / f"{i}.nc") for i in range(3)]
+def test_any_division_into_shards_gives_the_same_bytes(whole_scatter, tmp_path):
+    sample_ranges = [(50, 100), (0, 3), (3, 50)]
+    for index, sample_range in enumerate(sample_ranges):
+        samples = shard(PAIR, MANY, 100, *sample_range, threads=index + 1, **RUNS)
+        storage.write(samples, tmp_path / f"{index}.nc")
+    parts = [storage.read(tmp_path / f"{index}.nc") for index in range(3)]
     storage.write(join_shards(parts), tmp_path / "parts.nc")
-    storage.write(whole, tmp_path / "whole.nc")
+    storage.write(whole_scatter, tmp_path / "whole.nc")
     assert (tmp_path / "parts.nc").read_bytes() == (tmp_path / "whole.nc").read_bytes()
     with pytest.raises(ValueError, match="each of the samples 0 to 99 once"):
         join_shards(parts[:2])
@@ -74,18 +77,24 @@ def test_any_division_into_shards_gives_the_same_bytes(whole, tmp_path):
         join_shards([shard(PAIR, MANY, 100, 0, 3, seed=1, **RUNS), *parts[::2]])
 
 
-def test_random_starts_lead_to_both_motions_where_sweeps_up_and_down_differ(whole):
-    two, motion = whole.two_motions_probability, whole.motion_probability
-    assert np.allclose(motion.sum("motion"), 1.0)
-    assert float(two.max()) > 0.3 and not two[-1]
-    # The starts of seeded runs lead to both motions where the sweeps up and down differ.
-    both = motion.sel(motion=["lower", "higher"]).sum("motion")
-    assert (both <= two + 1e-12).all() and (both > 0.0)[two > 0.2].all()
-    assert (motion.sel(motion="higher") > 0.0)[two > 0.3].all()
-    lost = whole.contact_loss_probability
-    # Sweeps down, which come from the resonance, lose contact at least as often.
-    assert (lost.sel(direction="down") >= lost.sel(direction="up") - 0.02).all()
-    assert int(whole.failed_runs.sum()) == 0 and (whole.run_count == 100).all()
+def test_random_starts_lead_to_both_motions_where_sweeps_up_and_down_differ(whole_scatter):
+    """Probabilities of the motions must agree with the hysteresis of the sweeps."""
+    two_motions, motion_probability = (
+        whole_scatter.two_motions_probability,
+        whole_scatter.motion_probability,
+    )
+    assert np.allclose(motion_probability.sum("motion"), 1.0)
+    assert float(two_motions.max()) > 0.3 and not two_motions[-1]
+    # Random initial states lead to both motions only where sweeps up and down differ.
+    either_motion = motion_probability.sel(motion=["lower", "higher"]).sum("motion")
+    assert (either_motion <= two_motions + 1e-12).all() and (either_motion > 0.0)[
+        two_motions > 0.2
+    ].all()
+    assert (motion_probability.sel(motion="higher") > 0.0)[two_motions > 0.3].all()
+    contact_loss = whole_scatter.contact_loss_probability
+    # Downward sweeps arrive from the resonance and so lose contact at least as often.
+    assert (contact_loss.sel(direction="down") >= contact_loss.sel(direction="up") - 0.02).all()
+    assert int(whole_scatter.failed_runs.sum()) == 0 and (whole_scatter.run_count == 100).all()
 
 
 def test_samples_that_cannot_be_built_are_counted_and_reported():

@@ -1,4 +1,4 @@
-"""Six degrees of freedom: a backlash that moves with bearings and run-out, and orbits."""
+"""Six degrees of freedom: a backlash that moves with the bearings."""
 
 import numpy as np
 import pytest
@@ -9,13 +9,14 @@ from tests.properties.known_models import gears
 MAX_EVENTS = 2000
 
 
-def state_on_far_flank(model, speed):
-    """Return a state on the coast-side flank, (12,), with a speed of the first rotation.
+def state_on_coast_flank(model, speed):
+    """Return a state on the coast-side flank line, (12,), in which the pinion turns at `speed`.
 
     Both bearings are displaced, and move, in opposite directions along the line of action.
     """
     coordinates, rates = np.zeros(6), np.zeros(6)
-    # Two rotations, then both bearings along (2, 4) and across (3, 5) the line of action.
+    # The coordinates are two rotations, then both bearings along (2, 4) and across (3, 5) the line
+    # of action.
     coordinates[:2] = -model.pair.backlash_ratio / 2.0
     coordinates[[2, 4]] = -0.05, 0.05
     rates[[0, 2, 4]] = speed, 3.0, -3.0
@@ -24,16 +25,17 @@ def state_on_far_flank(model, speed):
 
 @pytest.mark.parametrize(("material", "oil"), [(0.0, 4e4), (3953.7, 4e4), (4e4, 0.0)])
 def test_the_coast_flank_is_grazed_without_chatter(material, oil):
-    # If oil damps far more than the material, it drives the flanks together.
+    """A motion that just touches the coast flank must have few events and bounded derivatives."""
+    # If oil damping is far larger than material damping, it drives the flanks together.
     model = gears(1e9, material, oil, backlash=200e-6)
-    ends = []
+    final_states = []
     for speed in (0.0, -1e-6, 1e-6):
-        state = state_on_far_flank(model, speed)
+        state = state_on_coast_flank(model, speed)
         assert len(model.propagator(0.9).record(state, 1, MAX_EVENTS).events) <= 2
-        end, period_maps, status = model.propagator(0.9).maps(state, 1, MAX_EVENTS)
+        final_state, period_maps, status = model.propagator(0.9).maps(state, 1, MAX_EVENTS)
         # The derivatives stay bounded where the flank is just touched.
         assert status == 0 and abs(period_maps).max() < 10.0
-        ends.append(end)
-    # A microscopic difference of the speed stays one.
-    for end in ends[1:]:
-        assert abs(end - ends[0]).max() < 1e-4
+        final_states.append(final_state)
+    # A difference of the speed of 1e-6 must stay small.
+    for final_state in final_states[1:]:
+        assert abs(final_state - final_states[0]).max() < 1e-4

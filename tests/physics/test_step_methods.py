@@ -1,4 +1,4 @@
-"""The methods for comparison: order, limit, counts of evaluations, statuses, packages of others."""
+"""Step methods for comparison: order, limit, evaluations, statuses and other packages."""
 
 import importlib.util
 import math
@@ -16,11 +16,11 @@ from tests.properties.known_models import CUBIC, KNOWN
 PAIR = PAPER.replace(contact_ratio=1.5, material_damping=3953.7, backlash_damping=3953.7)
 OIL_FREE = PAIR.replace(contact_ratio=1.569, backlash_damping=0.0)
 FULL = KNOWN["everything"].model.replace(cubic_stiffness=2e9, **CUBIC)
-#: In the middle of its tongue, without backlash: every motion grows.
+#: Without backlash, at a tuning in the middle of its tongue, every motion of this pair grows.
 GROWING = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.3, backlash_ratio=0.0)
 SPLIT = {"solver": "DOP853", "rtol": 1e-12, "atol": 1e-12, "events": True}
 NAMES = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "scipy", "smoothed")
-#: Every method but the exact ones, with each of its options that changes what it does.
+#: Every method but the exact ones, with each option that changes its algorithm.
 VARIANTS = [
     *((method, {}) for method in ("rk4", "rk45", "smoothed", "scipy")),
     *(("newmark", {"contact": contact}) for contact in ("frozen", "iterated")),
@@ -50,15 +50,22 @@ def test_every_method_is_listed_with_the_meanings_of_its_options():
 def test_errors_decrease_with_the_order_of_the_method_in_permanent_contact(
     method, options, order, steps
 ):
-    # Contact ratio 1.5: switches at pi / 2 and 3 pi / 2, step ends of 4 n steps.
+    """Halving the step must divide the error by 2 to the power of the order."""
+    # At the contact ratio 1.5 the stiffness switches at pi / 2 and 3 pi / 2, where steps end.
     reference = simulate(PAIR, 0.7, periods=10)
     assert float(reference.displacement_min) > 0.0
-    # At the step ends, so that the cubic of the dense output plays no part.
-    ends = [
-        simulate(PAIR, 0.7, periods=10, method=method, options={**options, "steps_per_period": n})
-        for n in (steps, 2 * steps)
+    # Final states lie at step ends, so that the interpolation within steps has no influence.
+    runs = [
+        simulate(
+            PAIR,
+            0.7,
+            periods=10,
+            method=method,
+            options={**options, "steps_per_period": step_count},
+        )
+        for step_count in (steps, 2 * steps)
     ]
-    errors = [float(np.linalg.norm(run.final_state - reference.final_state)) for run in ends]
+    errors = [float(np.linalg.norm(run.final_state - reference.final_state)) for run in runs]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1), errors
 
 
@@ -82,56 +89,64 @@ def test_errors_decrease_with_the_order_of_the_method_in_permanent_contact(
     ],
 )
 def test_small_steps_come_close_to_the_exact_motion(method, options, tolerance):
-    # From the coast side, and then a bounce in every period: this covers the contact law.
-    span = {"periods": 4, "record_periods": 4, "samples_per_period": 64}
-    span["initial_state"] = -2.0, 0.0
-    reference = simulate(FULL, 0.9, **span)
+    """Compare samples and statistics of each method with the exact motion within its error."""
+    # The motion starts on the coast side and bounces in every period, which covers the contact law.
+    settings = {"periods": 4, "record_periods": 4, "samples_per_period": 64}
+    settings["initial_state"] = -2.0, 0.0
+    reference = simulate(FULL, 0.9, **settings)
     assert float(reference.bounces) >= 1.0 and float(reference.fraction_coast) > 0.02
-    run = simulate(FULL, 0.9, method=method, options=options, **span)
+    run = simulate(FULL, 0.9, method=method, options=options, **settings)
     for name in ("displacement", "fraction_coast", "contact_loss_fraction"):
         np.testing.assert_allclose(run[name], reference[name], rtol=0, atol=tolerance)
-    # Those of step ends and samples.
+    # Extrema are taken over step ends and samples only.
     for name in ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min"):
         np.testing.assert_allclose(run[name], reference[name], rtol=5e-3, err_msg=name)
 
 
 def ode45(rate, end, y, rtol, atol):
-    """MATLAB's ode45 from its documented algorithm; return (y, steps, steps tried again)."""
-    t, longest, slope, steps, rejected = 0.0, 0.1 * end, rate(y), 0, 0
+    """Integrate y' = rate(y) from 0 to `end` by the documented algorithm of MATLAB's ode45.
+
+    Return the final y, the number of accepted steps and the number of rejected ones.
+    """
+    time, longest_step, slope, step_count, rejected_count = 0.0, 0.1 * end, rate(y), 0, 0
     weights = np.maximum(abs(y), atol / rtol)
-    h = min(longest, 0.8 * rtol**0.2 / max(abs(slope) / weights))
-    while t < end:
-        shortest, first_try = 16 * np.spacing(t), True
-        h = min(longest, max(shortest, h))
-        if 1.1 * h >= end - t:
-            h = end - t
+    step = min(longest_step, 0.8 * rtol**0.2 / max(abs(slope) / weights))
+    while time < end:
+        shortest_step, first_try = 16 * np.spacing(time), True
+        step = min(longest_step, max(shortest_step, step))
+        if 1.1 * step >= end - time:
+            step = end - time
         while True:
             stages = [slope]
-            for row, count in zip(RK45.A[1:], range(1, 6), strict=True):
-                stages.append(rate(y + h * row[:count] @ stages))
-            new = y + h * RK45.B @ stages
-            stages.append(rate(new))
-            weights = np.maximum(np.maximum(abs(y), abs(new)), atol / rtol)
-            error = h * max(abs(RK45.E @ stages) / weights)
+            for coefficients, count in zip(RK45.A[1:], range(1, 6), strict=True):
+                stages.append(rate(y + step * coefficients[:count] @ stages))
+            new_y = y + step * RK45.B @ stages
+            stages.append(rate(new_y))
+            weights = np.maximum(np.maximum(abs(y), abs(new_y)), atol / rtol)
+            error = step * max(abs(RK45.E @ stages) / weights)
             if error <= rtol:
                 break
-            rejected += 1
-            h = max(shortest, h * max(0.1, 0.8 * (rtol / error) ** 0.2) if first_try else h / 2)
+            rejected_count += 1
+            step = max(
+                shortest_step,
+                step * max(0.1, 0.8 * (rtol / error) ** 0.2) if first_try else step / 2,
+            )
             first_try = False
-        t, y, slope, steps = t + h, new, stages[-1], steps + 1
+        time, y, slope, step_count = time + step, new_y, stages[-1], step_count + 1
         if first_try:
-            h *= min(5.0, 0.8 * (rtol / error) ** 0.2)
-    return y, steps, rejected
+            step *= min(5.0, 0.8 * (rtol / error) ** 0.2)
+    return y, step_count, rejected_count
 
 
 @pytest.mark.parametrize(("nu", "rtol"), [(0.5, 1e-3), (0.9, 1e-6)])
 def test_rk45_takes_the_steps_of_ode45(nu, rtol):
     def rate(state):
+        """Return the derivatives of displacement and velocity over phase."""
         x, v = state
         damping = 0.1 if x >= 0.0 else 0.02
         return np.array([v, (1.0 - max(x, 0.0)) / nu**2 - damping / nu * v])
 
-    # Constant stiffness, no coast-side flank; contact is lost.
+    # The pair has constant stiffness and no coast flank, and it loses contact.
     pair = GearPair.from_ratios(
         contact_ratio=1.5, stiffness_ratio=1.0, damping=0.05, backlash_damping=0.01
     )
@@ -146,9 +161,9 @@ def test_rk45_takes_the_steps_of_ode45(nu, rtol):
     ("method", "options", "count"),
     [
         ("rk4", {"steps_per_period": 48}, 4 * 48 * 7),
-        # One per step, one at the start, and one after each of two switches on step ends.
+        # There is one per step, one at the start, and one after each of two switches on step ends.
         ("newmark", {"contact": "frozen"}, 200 * 7 + 1 + 2 * 7),
-        # Without loss of contact one iteration finds the solution, a second one confirms it.
+        # Without contact loss one iteration finds the solution and a second one confirms it.
         ("generalised_alpha", {}, 2 * 200 * 7 + 1 + 2 * 7),
     ],
 )
@@ -165,22 +180,25 @@ def test_evaluations_are_counted(method, options, count, record_periods):
     [("exact", {}), ("taylor", {}), *(row for row in VARIANTS if row[0] != "smoothed")],
 )
 def test_samples_satisfy_the_equation_of_motion(method, options):
+    """Insert displacement, velocity and acceleration of the samples into the equation of motion."""
     run = simulate(OIL_FREE, 0.9, periods=12, record_periods=3, method=method, options=options)
-    x, touches = run.displacement, run.contact != 0
-    assert np.array_equal(touches, (x >= 0) | (x <= -OIL_FREE.backlash_ratio))
-    assert not run.dynamic_force.values[~touches.values].any() and not touches.all()
-    assert np.array_equal(run.modified_stiffness, run.stiffness * touches)
-    damping = np.where(touches, OIL_FREE.damping_ratio, 0.0)
+    displacement, is_touching = run.displacement, run.contact != 0
+    assert np.array_equal(
+        is_touching, (displacement >= 0) | (displacement <= -OIL_FREE.backlash_ratio)
+    )
+    assert not run.dynamic_force.values[~is_touching.values].any() and not is_touching.all()
+    assert np.array_equal(run.modified_stiffness, run.stiffness * is_touching)
+    damping = np.where(is_touching, OIL_FREE.damping_ratio, 0.0)
     force = 2 * damping / 0.9 * run.velocity + (run.dynamic_force - 1) / 0.81
     assert float(abs(run.acceleration + force).max()) < 1e-12
 
 
 @pytest.mark.parametrize(("method", "options"), VARIANTS)
 def test_an_unbounded_motion_ends_with_the_status_overflow(method, options):
-    # From rest the steps of scipy would take minutes.
-    late = {"periods": 50, "initial_state": (9e149, 0.0)}
-    span = late if method == "scipy" else {"periods": 5000}
-    run = simulate(GROWING, 2.0, method=method, options=options, **span)
+    # The run by scipy starts with a large state, because from rest it would take minutes.
+    large_start = {"periods": 50, "initial_state": (9e149, 0.0)}
+    settings = large_start if method == "scipy" else {"periods": 5000}
+    run = simulate(GROWING, 2.0, method=method, options=options, **settings)
     assert int(run.status) == OVERFLOW and run.displacement.isnull().all()
 
 
@@ -193,14 +211,14 @@ def test_iterations_that_do_not_converge_end_the_run_with_a_status():
 
 
 def test_a_missing_package_is_named_in_the_refusal(monkeypatch):
-    package, find = integrators.METHODS["heyoka"].PACKAGE, importlib.util.find_spec
+    package, find_installed = integrators.METHODS["heyoka"].PACKAGE, importlib.util.find_spec
     monkeypatch.setattr(
         "gearlib.integrators.method.find_spec",
-        lambda module: None if module == package.module else find(module),
+        lambda module: None if module == package.module else find_installed(module),
     )
     (method,) = [method for method in gearlib.methods() if method.name == "heyoka"]
     assert not method.available and package.distribution in method.note
-    for kind in (ValueError, ImportError):
-        with pytest.raises(kind, match=f"heyoka.*{package.distribution}") as refusal:
+    for error_type in (ValueError, ImportError):
+        with pytest.raises(error_type, match=f"heyoka.*{package.distribution}") as refusal:
             simulate(PAIR, 0.9, periods=1, method="heyoka")
         assert "\n" not in str(refusal.value)

@@ -1,4 +1,4 @@
-"""Labels of known motions, and the rules behind them."""
+"""Labels that `trust` gives to known motions, and the rules behind them."""
 
 import math
 
@@ -35,31 +35,32 @@ def test_known_motions_get_the_right_label(pair, nu, label):
         assert result.exponent > 3 * result.uncertainty > 0
 
 
-SETTLES, CHAOS = (-0.1, 0.01, -100.0), (0.1, 0.01, 100.0)
+CONVERGENT, CHAOTIC = (-0.1, 0.01, -100.0), (0.1, 0.01, 100.0)
 
 
 @pytest.mark.parametrize(
     ("high", "low", "period", "status", "exponent", "label", "words"),
     [
-        ((2.0, 2.0), (0.0, 0.0), (3, 3), 0, SETTLES, "periodic", "agree"),
-        ((2.0, 2.1), (0.0, 0.0), (1, 1), 0, SETTLES, "undecided", "attracts"),
-        ((2.0, 2.0), (0.0, -0.1), (1, 1), 0, SETTLES, "undecided", "attracts"),
-        ((2.0, 2.0), (0.0, 0.0), (1, 0), 0, SETTLES, "undecided", "settle"),
-        ((2.0, 3.0), (0.0, 0.0), (0, 0), 0, CHAOS, "chaotic", "factor e"),
+        ((2.0, 2.0), (0.0, 0.0), (3, 3), 0, CONVERGENT, "periodic", "agree"),
+        ((2.0, 2.1), (0.0, 0.0), (1, 1), 0, CONVERGENT, "undecided", "attracts"),
+        ((2.0, 2.0), (0.0, -0.1), (1, 1), 0, CONVERGENT, "undecided", "attracts"),
+        ((2.0, 2.0), (0.0, 0.0), (1, 0), 0, CONVERGENT, "undecided", "settle"),
+        ((2.0, 3.0), (0.0, 0.0), (0, 0), 0, CHAOTIC, "chaotic", "factor e"),
         ((2.0, 3.0), (0.0, 0.0), (0, 0), 0, (0.1, 0.05, 100.0), "quasi-periodic", "neither"),
         ((2.0, 3.0), (0.0, 0.0), (0, 0), 0, (0.005, 1e-4, 5.0), "quasi-periodic", "neither"),
         ((2.0, 2.0), (0.0, 0.0), (1, 1), 0, (0.0, 0.01, 0.0), "undecided", "run more"),
         ((2.0, 2.0), (0.0, 0.0), (1, 1), 2, (-0.1, 0.1, -9.0), "undecided", "run 0"),
-        ((2.0, 2.0), (0.0, 0.0), (0, 0), 2, CHAOS, "unbounded", "bound"),
+        ((2.0, 2.0), (0.0, 0.0), (0, 0), 2, CHAOTIC, "unbounded", "bound"),
         ((2.0, 2.0), (0.0, 0.0), (1, 1), 1, (-0.1, 0.1, -9.0), "undecided", "failed runs: run 0"),
     ],
 )
 def test_a_label_follows_from_two_runs_and_the_exponent(
     high, low, period, status, exponent, label, words
 ):
-    columns = {"displacement_max": high, "displacement_min": low, "period": period}
-    columns["status"] = status, status
-    data = {name: ("run", np.array(values)) for name, values in columns.items()}
+    """Classify pairs of runs with made-up extrema, periods and statuses, and an exponent."""
+    run_values = {"displacement_max": high, "displacement_min": low, "period": period}
+    run_values["status"] = status, status
+    data = {name: ("run", np.array(values)) for name, values in run_values.items()}
     runs = xr.Dataset(data, {"run": ["run 0", "run 1"]})
     result = classified_motion(runs, Exponent(*exponent, 1000))
     assert result.label == label and words in result.message
@@ -70,7 +71,7 @@ def test_an_exponent_of_linear_growth_is_not_positive():
     for rate in (0.1, 1.0, 500.0):
         growth = math.log(rate * 4000)
         assert not Exponent(growth / 4000, uncertainty=1e-9, growth=growth, periods=4000).positive
-    # Exponential growth, with an uncertainty of a tenth, and one as large as the exponent.
+    # Exponential growth counts only if the exponent exceeds its uncertainty.
     assert Exponent(0.02, uncertainty=0.002, growth=80.0, periods=4000).positive
     assert not Exponent(0.02, uncertainty=0.02, growth=80.0, periods=4000).positive
 
@@ -78,7 +79,7 @@ def test_an_exponent_of_linear_growth_is_not_positive():
 def test_a_scan_over_tunings_matches_trust_at_each_tuning():
     options = {"periods": 100, "exponent_periods": 500}
     result = classify_at_tunings(PAPER, [0.7, 0.9], **options)
-    # The conventions CF ask for one word for each value of a flag.
+    # The CF conventions require a single word for each value of a flag.
     words = result.label.attrs["flag_meanings"].split()
     values = result.label.attrs["flag_values"].tolist()
     assert len(words) == len(values) and all(word.isidentifier() for word in words)
@@ -88,6 +89,6 @@ def test_a_scan_over_tunings_matches_trust_at_each_tuning():
         assert words[values.index(label)].replace("_", "-") == single.label
         for name in ("period", "digits", "exponent", "uncertainty"):
             np.testing.assert_equal(float(result[name].sel(tuning=tuning)), getattr(single, name))
-    # A scan counts ten digits at most: more are rounding.
+    # A scan counts at most ten digits, because further ones are rounding.
     settled = trust(DAMPED, 0.7, periods=500, exponent_periods=500)
     assert settled.digits > 10 and classify_at_tunings(DAMPED, [0.7], periods=500).digits == 10.0

@@ -1,7 +1,7 @@
-"""Motions that grow without bound are called so, everywhere, and no others are.
+"""Motions that grow without bound, and no others, are reported as unbounded everywhere.
 
-Far out neither backlash nor load matters: with both flanks alike the mesh is Hill's equation, and a
-motion grows without bound where the largest multiplier of that is greater than 1.
+Neither backlash nor load matters at large amplitudes. If both flanks are alike, the motion then
+obeys Hill's equation and grows without bound where its largest multiplier is greater than 1.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ GROWS = np.array([False, False, True, True, True, True, True])
 
 
 def test_motions_inside_the_tongue_are_labelled_unbounded():
-    # With both flanks always in contact.
+    # The growth of the linear motion, in permanent contact, decides on that of large motions.
     assert ((meissner.growth(1.3, 0.4, 0.02, TUNINGS) > 0.0) == GROWS).all()
     result = classify_at_tunings(PAIR, TUNINGS)
     names = [LABELS[code] for code in result.label.values]
@@ -39,7 +39,7 @@ def test_sweeps_report_an_overflow_where_motions_grow(direction):
     assert (run.status.values == np.where(GROWS, OVERFLOW, OK)).all()
     assert (run.displacement_max.isnull().values == GROWS).all()
     if direction == "down":
-        # After the unbounded motion at 0.941 the sweep starts from rest at the next tuning, 0.94.
+        # After the unbounded motion at 0.941 the sweep starts at the next tuning, 0.94, from rest.
         from_rest = sweep(PAIR, [0.94], periods=6000, record_periods=2)
         assert run.displacement_max.values[1] == from_rest.displacement_max.values[0]
 

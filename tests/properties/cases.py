@@ -27,7 +27,7 @@ from tests.trains.random_trains import chain_with_everything, random_problem, sy
 
 
 class Case(NamedTuple):
-    """A model, and where and how it starts."""
+    """A model with its tuning and initial state."""
 
     model: object
     tuning: float
@@ -35,12 +35,12 @@ class Case(NamedTuple):
 
 
 def between(low, high):
-    """Return a number within two bounds, both far from the smallest floats."""
+    """Return a strategy of numbers within two bounds, without subnormal numbers."""
     return st.floats(low, high, allow_subnormal=False)
 
 
 def logarithmic(low, high):
-    """Return a number within two decades."""
+    """Return a strategy of numbers whose logarithms lie between those of two bounds."""
     return between(math.log10(low), math.log10(high)).map(lambda power: 10.0**power)
 
 
@@ -50,44 +50,44 @@ STATES = st.tuples(between(-3.0, 4.0), between(-2.0, 2.0))
 
 @st.composite
 def pairs(draw):
-    """Return a `GearPair` in SI units."""
+    """Draw a `GearPair` in SI units."""
     mass, stiffness, load = draw(logarithmic(0.1, 20)), draw(logarithmic(1e7, 1e9)), 3000.0
-    unit = 2.0 * math.sqrt(mass * stiffness)
+    damping_unit = 2.0 * math.sqrt(mass * stiffness)
     return GearPair(
         max_stiffness=stiffness,
-        # At 1 no level is the lower one, and next to it rounding decides which one is.
+        # At the ratio 1 there is no lower level, and next to 1 rounding decides which one is lower.
         stiffness_ratio=draw(between(0.3, 1.0 - 1e-9)),
         contact_ratio=draw(between(1.0, 2.0)),
         reduced_mass=mass,
         load=load,
         backlash=draw(st.just(math.inf) | between(0.2, 6.0)) * load / stiffness,
-        material_damping=draw(between(0.0, 0.1)) * unit,
-        backlash_damping=draw(between(0.0, 0.1)) * unit,
+        material_damping=draw(between(0.0, 0.1)) * damping_unit,
+        backlash_damping=draw(between(0.0, 0.1)) * damping_unit,
     )
 
 
 @st.composite
-def waves(draw, size):
-    """Return one to three `Harmonics` of at most a size."""
-    values = st.lists(between(-size, size), min_size=1, max_size=3)
+def waves(draw, largest_amplitude):
+    """Draw `Harmonics` of one to three cosines and sines with amplitudes up to `size`."""
+    values = st.lists(between(-largest_amplitude, largest_amplitude), min_size=1, max_size=3)
     return Harmonics(tuple(draw(values)), tuple(draw(values)))
 
 
 @st.composite
 def nonlinear_pairs(draw):
-    """Return a `OneDegreePair` with all that Eq. (3) admits."""
+    """Draw a `OneDegreePair` with all terms of Eq. (3)."""
     pair = draw(pairs())
     deflection, speed = pair.static_deflection, pair.static_deflection * pair.mean_eigenfrequency
-    unit = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
-    small = between(0.0, 0.05)
+    damping_unit = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
+    small_ratio = between(0.0, 0.05)
     return OneDegreePair(
         pair=pair,
-        quadratic_damping=draw(small) * unit / speed,
-        cubic_damping=draw(small) * unit / speed**2,
-        backlash_quadratic_damping=draw(small) * unit / speed,
-        backlash_cubic_damping=draw(small) * unit / speed**2,
-        quadratic_stiffness=draw(small) / deflection,
-        cubic_stiffness=draw(small) / deflection**2,
+        quadratic_damping=draw(small_ratio) * damping_unit / speed,
+        cubic_damping=draw(small_ratio) * damping_unit / speed**2,
+        backlash_quadratic_damping=draw(small_ratio) * damping_unit / speed,
+        backlash_cubic_damping=draw(small_ratio) * damping_unit / speed**2,
+        quadratic_stiffness=draw(small_ratio) / deflection,
+        cubic_stiffness=draw(small_ratio) / deflection**2,
         profile=draw(st.sampled_from([gearlib.Rectangular(), Fourier(5)])),
         excitation=draw(waves(0.3 * pair.load)),
         deviation=draw(waves(0.2 * deflection)),
@@ -96,7 +96,7 @@ def nonlinear_pairs(draw):
 
 @st.composite
 def oscillators(draw):
-    """Return a `DeadZoneOscillator` whose two sides differ."""
+    """Draw a `DeadZoneOscillator` whose two sides differ."""
     phases = sorted(set(draw(st.lists(between(0.01, 6.2), min_size=1, max_size=3))))
     stiffness = [draw(between(0.5, 5.0)) for _ in phases]
     return DeadZoneOscillator(
@@ -116,7 +116,7 @@ def oscillators(draw):
 
 @st.composite
 def six_degrees(draw, rigid=False):
-    """Return a `SixDegreePair` with run-out, deviations and friction; some axes may be rigid."""
+    """Draw a `SixDegreePair` with run-out, deviations and friction; `rigid` allows rigid axes."""
     pair = draw(pairs())
     pair = pair.replace(backlash=max(pair.backlash, 2.0 * pair.static_deflection))
     deflection, radius = pair.static_deflection, draw(between(0.03, 0.2))
@@ -150,7 +150,7 @@ def six_degrees(draw, rigid=False):
 
 @st.composite
 def tooth_pairs(draw):
-    """Return a `LoadSharingPair` of gears given by geometry."""
+    """Draw a `LoadSharingPair` of gears given by their geometry."""
     stage = draw(st.sampled_from([fzg_c, gears_of_20_teeth]))()
     return LoadSharingPair.from_geometry(
         stage, torque=draw(between(50.0, 500.0)), damping_ratio=draw(between(0.0, 0.1))
@@ -159,7 +159,7 @@ def tooth_pairs(draw):
 
 @st.composite
 def trains(draw):
-    """Return the `Case` of a chain, a planetary train or a reducer."""
+    """Draw the `Case` of a chain, a planetary train or a reducer."""
     seed = draw(st.integers(0, 2**32 - 1))
     rng = np.random.default_rng(seed)
     if seed % 4:
@@ -221,7 +221,8 @@ def state_grazing_at_phase(equations, phase, contact, depth, q, v):
     if curvature <= 0:
         return None
     while t > 0:
-        middle = phase / 2  # the phase that decides which stiffness and friction hold
+        # The phase in the middle decides on stiffness and friction.
+        middle = phase / 2
         step = Step(equations, instant, t, state, codes, middle)
         h = step.length(t)
         state, t = step.at(-h), t - h
@@ -229,15 +230,19 @@ def state_grazing_at_phase(equations, phase, contact, depth, q, v):
 
 
 def grazing_start(rng, train, tuning, state):
-    """Return a start near a state from which a mesh turns 1e-10 ... 1e-5 off its flank line."""
+    """Return an initial state of a train that nearly grazes a flank line.
+
+    The distance of a mesh has an extremum 1e-10 to 1e-5 off its flank line. `state` is the centre
+    of the random states that are tried.
+    """
     equations, n = equations_of(describe(train), tuning), train.size // 2
     phase = 0.5 * min(train.segments.starts[1], 0.2)
     for _ in range(100):
         depth = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-10.0, -5.0)
         q = state[:n] + rng.normal(0.0, 1.0, n)
         v = rng.normal(0.0, 1.0 / tuning, n)
-        j = int(rng.integers(len(train.meshes)))
-        start = state_grazing_at_phase(equations, phase, j, depth, q, v)
-        if start is not None:
-            return start * np.repeat([1.0, tuning], n)
+        mesh_index = int(rng.integers(len(train.meshes)))
+        grazing_state = state_grazing_at_phase(equations, phase, mesh_index, depth, q, v)
+        if grazing_state is not None:
+            return grazing_state * np.repeat([1.0, tuning], n)
     raise ValueError("no distance turns upwards")

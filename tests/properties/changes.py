@@ -1,4 +1,4 @@
-"""The same machine described otherwise: in other units, mirrored, renamed, a period later."""
+"""Equivalent descriptions of a machine: in other units, mirrored, renamed or exchanged."""
 
 import dataclasses
 import math
@@ -15,30 +15,35 @@ HARMONICS["excitation"] = "N"
 
 
 def unit_factor(unit, length, mass, time):
-    """Return the number of a unit whose length, mass and time are smaller by these factors."""
+    """Return the value of a unit in units of length, mass and time that are smaller by factors."""
     scales = {"[length]": length, "[mass]": mass, "[time]": time}
     dimensions = REGISTRY.Unit(unit).dimensionality
     return math.prod(scales[name] ** power for name, power in dimensions.items())
 
 
 def in_units(value, length=1.0, mass=1.0, time=1.0):
-    """Return a model whose numbers are those of smaller units, by these factors."""
+    """Return a model with values in units that are smaller by the factors length, mass and time."""
     changes, declared = {}, declared_parameters(type(value))
     for name in declared.keys() | {"pair"} & vars(value).keys():
-        own = getattr(value, name)
+        field_value = getattr(value, name)
         unit = declared[name].unit if name in declared else ""
-        if isinstance(own, Harmonics):
+        if isinstance(field_value, Harmonics):
             unit = HARMONICS[name]
-        if unit and own is not None:
-            changes[name] = _times(own, unit_factor(unit, length, mass, time))
-        elif isinstance(own, GearPair):
-            changes[name] = in_units(own, length, mass, time)
-        elif isinstance(own, tuple) and own and dataclasses.is_dataclass(own[0]):
-            changes[name] = tuple(in_units(part, length, mass, time) for part in own)
+        if unit and field_value is not None:
+            changes[name] = _times(field_value, unit_factor(unit, length, mass, time))
+        elif isinstance(field_value, GearPair):
+            changes[name] = in_units(field_value, length, mass, time)
+        elif (
+            isinstance(field_value, tuple)
+            and field_value
+            and dataclasses.is_dataclass(field_value[0])
+        ):
+            changes[name] = tuple(in_units(part, length, mass, time) for part in field_value)
     return dataclasses.replace(value, **changes)
 
 
 def _times(value, factor):
+    """Return a number, sequence or `Harmonics` multiplied by a factor."""
     if isinstance(value, Harmonics):
         return Harmonics(_times(value.cosines, factor), _times(value.sines, factor))
     if isinstance(value, (tuple, list)):
@@ -47,10 +52,10 @@ def _times(value, factor):
 
 
 def mirrored(train):
-    """Return the image of a train in a mirror along x, which turns the other way round.
+    """Return the mirror image of a train along x, which turns in the opposite direction.
 
-    Like the other changes of trains below, return with it the function that maps a coordinate
-    (body, axis) of the train to (coordinate of the image, sign).
+    The second result maps a coordinate (body, axis) of the train to (coordinate of the image,
+    sign), as for the other changes of trains below.
     """
     bodies = [
         dataclasses.replace(
@@ -77,45 +82,46 @@ def mirrored(train):
 
 
 def _negative(angle):
+    """Return an angle with its sign changed, or None if it is None."""
     return None if angle is None else -angle
 
 
 def renamed(train):
-    """Return a train with other names, its elements in the opposite order."""
-    new = {body.name: f"body {len(train.bodies) - i}" for i, body in enumerate(train.bodies)}
+    """Return a train with other names and its elements in reverse order."""
+    new_names = {body.name: f"body {len(train.bodies) - i}" for i, body in enumerate(train.bodies)}
     bodies = [
-        dataclasses.replace(body, name=new[body.name], carrier=new.get(body.carrier))
+        dataclasses.replace(body, name=new_names[body.name], carrier=new_names.get(body.carrier))
         for body in reversed(train.bodies)
     ]
     meshes = [
         dataclasses.replace(
             mesh,
             name=f"mesh {mesh.name}",
-            pinion=new[mesh.pinion],
-            wheel=new[mesh.wheel],
-            driving=new.get(mesh.driving),
+            pinion=new_names[mesh.pinion],
+            wheel=new_names[mesh.wheel],
+            driving=new_names.get(mesh.driving),
         )
         for mesh in reversed(train.meshes)
     ]
     shafts = [
         dataclasses.replace(
             shaft,
-            bodies=tuple(new[name] for name in reversed(shaft.bodies)),
+            bodies=tuple(new_names[name] for name in reversed(shaft.bodies)),
             keying=_negative(shaft.keying),
         )
         for shaft in reversed(train.shafts)
     ]
-    other = train.replace(
+    renamed_train = train.replace(
         bodies=bodies, meshes=meshes, shafts=shafts, reference=f"mesh {train.reference}"
     )
-    return other, lambda key: ((new[key[0]], key[1]), 1.0)
+    return renamed_train, lambda key: ((new_names[key[0]], key[1]), 1.0)
 
 
 def exchanged(train):
-    """Return a train with the pinion of each external mesh called its wheel, and the reverse."""
+    """Return a train in which pinion and wheel of each external mesh are exchanged."""
 
     def exchange_pinion_and_wheel(mesh):
-        """Return the mesh as it is when its pinion is called wheel, and its wheel pinion."""
+        """Return an external mesh with pinion and wheel exchanged, an internal one as it is."""
         if mesh.internal:
             return mesh
         assert mesh.line_of_action is None
@@ -131,11 +137,11 @@ def exchanged(train):
             tooth_thickness=mesh.tooth_thickness and mesh.tooth_thickness[::-1],
         )
 
-    first = train.reference_mesh
+    reference_mesh = train.reference_mesh
     changes = {"meshes": [exchange_pinion_and_wheel(mesh) for mesh in train.meshes]}
-    if train.carrier_ratio and not first.internal:
-        # The ratio is counted in the speed of the reference pinion, which is another gear now.
+    if train.carrier_ratio and not reference_mesh.internal:
+        # The ratio refers to the speed of the reference pinion, which is now another gear.
         speeds = train.speeds.in_frame
-        ratio = train.carrier_ratio * speeds[first.pinion] / speeds[first.wheel]
+        ratio = train.carrier_ratio * speeds[reference_mesh.pinion] / speeds[reference_mesh.wheel]
         changes["carrier_ratio"] = float(ratio)
     return train.replace(**changes), lambda key: (key, 1.0)

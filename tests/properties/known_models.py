@@ -40,7 +40,7 @@ RADIUS, BODY = 0.1, 17.27
 LINEAR = PAPER.replace(material_damping=1000.0, backlash_damping=300.0)
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
 UNDAMPED = LINEAR.replace(material_damping=0.0, backlash_damping=0.0)
-#: Not the paper's: it strikes both flanks at 0.88 and, unstable, at 0.851.
+#: A pair whose motion touches both flanks at the tuning 0.88 and, if unstable, at 0.851.
 OTHER = GearPair.from_ratios(
     contact_ratio=1.3, stiffness_ratio=0.7, damping=0.03, backlash_damping=0.01, backlash_ratio=0.8
 )
@@ -56,7 +56,7 @@ EVERYTHING = {
     "deviation": Harmonics((1e-6, 0.5e-6), (0.3e-6,)),
     "coast_deviation": Harmonics((0.7e-6,), (0.0, 0.4e-6)),
 }
-#: Everything that a side can have, on both sides: bounces on both within a few periods.
+#: An oscillator with every feature on both sides; it bounces on both within a few periods.
 UNEQUAL = DeadZoneOscillator(
     upper_edge=0.4,
     lower_edge=-0.9,
@@ -87,9 +87,10 @@ OSCILLATOR = DeadZoneOscillator(
 def gears(bearing, material=0.0, oil=0.0, free=False, share=0.02, **more):
     """Return equal gears on bearings, with the paper's reduced mass.
 
-    `bearing` is the stiffness of the bearings, `share` their damping ratio; `material` and `oil`
-    are the damping of the mesh and in free flight. The reduced mass is that of the turning alone,
-    or, `free`, that of gears which also move freely along the line of action.
+    `bearing` is the stiffness of the bearings and `share` their damping ratio. `material` and `oil`
+    are damping coefficients in contact and in free flight. The paper's reduced mass applies to the
+    rotations alone or, if `free`, to gears that also move freely along the line of action. `more`
+    holds further fields of the model.
     """
     torsional = 1.0 / (1.0 / 3.123 - 2.0 / BODY) if free else 3.123
     damping = 0.0 if math.isinf(bearing) else 2.0 * share * math.sqrt(bearing * BODY)
@@ -124,7 +125,7 @@ GEARS = SixDegreePair(
 
 
 def motor_pinion_idler_wheel():
-    """Return a train of six coordinates: a shaft, an elastic bearing, two meshes, errors."""
+    """Return a train of six coordinates with a shaft, an elastic bearing and two meshes."""
     torque = 2000.0 * 0.045
     bearing = {"mass": 5.0, "support_stiffness": (5e8, 4e8), "support_damping": (500.0, 700.0)}
     bodies = [
@@ -150,28 +151,28 @@ STRIKING = (-9.58, 16.0, 2.03, -17.32, -0.84, -11.63, -4.41, -3.42, -4.99, 3.87,
 
 
 def pairs_as_train(pair, count=1):
-    """Return a train of so many equal pairs on rigid axes, which do not touch one another."""
+    """Return a train of `count` equal pairs on rigid axes that do not influence one another."""
     names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
     names += ("material_damping", "backlash_damping")
     mesh = {name: getattr(pair, name) for name in names} | {"phase": 0.0}
     gear = {"teeth": 20, "base_radius": RADIUS, "torque": pair.load * RADIUS}
     gear["inertia"] = 2.0 * pair.reduced_mass * RADIUS**2
-    # A train is connected: by shafts that carry nothing.
-    nothing = {"stiffness": 1e-200}
+    # A train must be connected, here by shafts of negligible stiffness.
+    negligible = {"stiffness": 1e-200}
     return GearTrain(
         bodies=[
             Body(name=f"{kind} {i}", **gear) for i in range(count) for kind in ("pinion", "wheel")
         ],
         meshes=[Mesh(pinion=f"pinion {i}", wheel=f"wheel {i}", **mesh) for i in range(count)],
         shafts=[
-            Shaft(bodies=(f"pinion {i - 1}", f"pinion {i}"), **nothing) for i in range(1, count)
+            Shaft(bodies=(f"pinion {i - 1}", f"pinion {i}"), **negligible) for i in range(1, count)
         ],
         reference_frequency=None if count == 1 else pair.mean_eigenfrequency / (2.0 * math.pi),
     )
 
 
 def ring_driven_train():
-    """Return a planetary train that its ring drives, with run-out of the ring and of a planet."""
+    """Return a planetary train driven by its ring, with run-out of the ring and of a planet."""
     train = gearlib.planetary(
         planets=2, teeth=(28, 98), driving="ring", stiffness_ratio=(0.6, 0.6), load=400.0
     )
@@ -186,12 +187,14 @@ def ring_driven_train():
 
 
 def _wavy_idler():
+    """Return an idler train whose meshes have a sinusoidal deviation."""
     train = gearlib.idler(PAPER.replace(material_damping=3000.0))
     wave = Harmonics((1e-6,), ())
     return train.replace(meshes=[replace(mesh, deviation=wave) for mesh in train.meshes])
 
 
-def _of(pair=LINEAR, **more):
+def _one_degree(pair=LINEAR, **more):
+    """Return a `OneDegreePair` of a pair and further fields."""
     return OneDegreePair(pair=pair, **more)
 
 
@@ -208,16 +211,20 @@ KNOWN = {
     "pair on both flanks": Known(OTHER, 0.88, (0.3, -2.0)),
     "pair without backlash": Known(DAMPED.replace(backlash=0.0), 0.8, (0.5, -2.0)),
     "pair without coast-side flank": Known(DAMPED.replace(backlash=math.inf), 0.8, (0.5, -2.0)),
-    "quadratic damping": Known(_of(UNDAMPED, **QUADRATIC), 0.9, (1.0, -3.0)),
-    "cubic damping": Known(_of(UNDAMPED, **CUBIC), 0.9, (0.0, 0.0)),
-    "both dampings": Known(_of(**QUADRATIC, **CUBIC), 0.6, (1.0, -3.0)),
-    "powers": Known(_of(quadratic_stiffness=5e3, cubic_stiffness=2e9), 0.85, (1.0, -3.0)),
-    "one harmonic": Known(_of(profile=Fourier(1)), 0.8, (1.0, -3.0)),
-    "seven harmonics": Known(_of(profile=Fourier(7), **CUBIC), 0.5, (1.0, -3.0)),
-    "table": Known(_of(profile=TABLE), 0.8, (1.0, -3.0)),
-    "excited": Known(_of(excitation=Harmonics((500.0, 200.0), (-800.0,))), 0.8, (1.0, -3.0)),
-    "deviating": Known(_of(deviation=Harmonics((3e-6,), (1e-6, 1e-6))), 0.7, (1.0, -3.0)),
-    "everything": Known(_of(_NARROW, profile=TABLE, **QUADRATIC, **_WAVES), 0.6, (1.0, -3.0)),
+    "quadratic damping": Known(_one_degree(UNDAMPED, **QUADRATIC), 0.9, (1.0, -3.0)),
+    "cubic damping": Known(_one_degree(UNDAMPED, **CUBIC), 0.9, (0.0, 0.0)),
+    "both dampings": Known(_one_degree(**QUADRATIC, **CUBIC), 0.6, (1.0, -3.0)),
+    "powers": Known(_one_degree(quadratic_stiffness=5e3, cubic_stiffness=2e9), 0.85, (1.0, -3.0)),
+    "one harmonic": Known(_one_degree(profile=Fourier(1)), 0.8, (1.0, -3.0)),
+    "seven harmonics": Known(_one_degree(profile=Fourier(7), **CUBIC), 0.5, (1.0, -3.0)),
+    "table": Known(_one_degree(profile=TABLE), 0.8, (1.0, -3.0)),
+    "excited": Known(
+        _one_degree(excitation=Harmonics((500.0, 200.0), (-800.0,))), 0.8, (1.0, -3.0)
+    ),
+    "deviating": Known(_one_degree(deviation=Harmonics((3e-6,), (1e-6, 1e-6))), 0.7, (1.0, -3.0)),
+    "everything": Known(
+        _one_degree(_NARROW, profile=TABLE, **QUADRATIC, **_WAVES), 0.6, (1.0, -3.0)
+    ),
     "oscillator": Known(OSCILLATOR, 0.8, (0.3, -1.0)),
     "unequal sides": Known(UNEQUAL, 1.3, (0.2, 0.9)),
     "series": Known(OSCILLATOR.replace(upper_stiffness=_SERIES), 0.8, (0.3, -1.0)),

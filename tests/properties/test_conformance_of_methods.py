@@ -1,6 +1,6 @@
-"""Every method that ends its arcs at events against the exact one, over every kind of model.
+"""Methods that end their steps at events against the exact method, for every kind of model.
 
-Those of others that are not installed are skipped. Sweeps, by every method, hold their single runs.
+Packages that are not installed are skipped. Sweeps by every method must match single runs.
 """
 
 import math
@@ -22,7 +22,7 @@ from tests.trains.test_methods import START, bouncing
 
 
 class Accuracy(NamedTuple):
-    """Options of a method, and its error over some periods of pairs, other models, trains."""
+    """Options of a method, and its largest errors for pairs, other models and trains."""
 
     options: dict
     pair: float
@@ -30,9 +30,10 @@ class Accuracy(NamedTuple):
     train: float = 1e-9
 
 
-#: heyoka works to rounding. The others control the error of a step; the sum over the steps, and the
-#: slope of an event, which a root finder leaves at the root of its interpolant, cost a factor of
-#: 1e3. With |x'| x' the right-hand side has a kink, behind which a Runge-Kutta pair loses a digit.
+#: heyoka is exact to rounding. scipy controls the error of each step, 1e-12. The sum over the steps
+#: and the root of an interpolant, which is taken for the event, make this larger by a factor of
+#: 1e3.
+#: After the kink of |x'| x' a Runge-Kutta pair loses another digit.
 METHODS = {"scipy": Accuracy(SPLIT, 1e-8, 1e-8), "heyoka": Accuracy({}, 1e-12, 1e-11)}
 THICK = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 FAR = -THICK.backlash_ratio
@@ -63,15 +64,16 @@ INSTALLED = {method for method in METHODS if integrators.describe_method(method)
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("method", sorted(INSTALLED))
 def test_a_motion_matches_the_exact_method(method, name):
+    """Compare samples, events and statistics of a method with those of the exact one."""
     accuracy, case = METHODS[method], MOTIONS[name]
-    span = {"periods": case.periods, "record_periods": case.periods, "samples_per_period": 64}
-    span["initial_state"] = case.state
+    settings = {"periods": case.periods, "record_periods": case.periods, "samples_per_period": 64}
+    settings["initial_state"] = case.state
     if not integrators.METHODS[method].supports(case.model):
         with pytest.raises(ValueError, match=f"method = '{method}' is not allowed .* it takes"):
-            simulate(case.model, case.tuning, method=method, **span)
+            simulate(case.model, case.tuning, method=method, **settings)
         return
-    exact = simulate(case.model, case.tuning, **span)
-    run = simulate(case.model, case.tuning, method=method, options=accuracy.options, **span)
+    exact = simulate(case.model, case.tuning, **settings)
+    run = simulate(case.model, case.tuning, method=method, options=accuracy.options, **settings)
     assert int(run.status) == 0 and int(run.evaluations) > 0
     is_train = "mesh" in exact.dims
     for column in ("event_from", "event_to", *["event_mesh"] * is_train):
@@ -81,7 +83,7 @@ def test_a_motion_matches_the_exact_method(method, name):
     error = accuracy.train if is_train else error
     columns = [*STATES, "event_phase", "bounces", *SHARES]
     columns += ["modified_stiffness", "body_motion"] if is_train else [*case.model.extra_samples]
-    # Extrema are those of step ends and samples, 64 to a period: x'' h^2 / 8 = 5e-3.
+    # Extrema are taken over step ends and 64 samples a period, which may miss x'' h^2 / 8 = 5e-3.
     tolerances = dict.fromkeys(columns, error) | dict.fromkeys(EXTREMA, 0.01)
     for column, atol in tolerances.items():
         np.testing.assert_allclose(run[column], exact[column], rtol=0, atol=atol, err_msg=column)
@@ -95,26 +97,30 @@ RUNS += [(KNOWN[name].model, "exact", {}) for name in ("gear_rattle", "unequal g
 
 @pytest.mark.parametrize(("model", "method", "options"), RUNS)
 def test_a_sweep_matches_its_single_runs(model, method, options):
-    span = {"periods": 10, "record_periods": 4, "method": method, "options": options}
-    table = sweep(model, [0.9, 0.7], **span)
+    """Compare each summary variable of a sweep with a single run at the same tuning."""
+    settings = {"periods": 10, "record_periods": 4, "method": method, "options": options}
+    table = sweep(model, [0.9, 0.7], **settings)
     assert ("mesh" in table.dynamic_force_max.dims) == bool(model.mesh_names)
     for nu in (0.7, 0.9):
-        one, many = simulate(model, nu, **span), table.sel(tuning=nu)
-        for name in {"final_state", *(column.name for column in COLUMNS)} & set(one):
+        single_run = simulate(model, nu, **settings)
+        sweep_row = table.sel(tuning=nu)
+        for name in {"final_state", *(column.name for column in COLUMNS)} & set(single_run):
             if name.endswith(("max", "min")) and method not in integrators.AUTOMATIC:
-                # A single run shows samples besides the step ends.
-                difference = one[name] - many[name]
+                # Extrema of a single run include samples, those of a sweep step ends only.
+                difference = single_run[name] - sweep_row[name]
                 assert ((difference if name.endswith("max") else -difference) >= 0.0).all()
             else:
-                # Samples change the rounding of what lies between events.
-                np.testing.assert_allclose(many[name], one[name], rtol=1e-13, err_msg=name)
-        # A single run is followed on until it has settled.
-        assert many.period in (0, one.period)
+                # Samples change the rounding between events.
+                np.testing.assert_allclose(
+                    sweep_row[name], single_run[name], rtol=1e-13, err_msg=name
+                )
+        # A single run is continued until it has settled, and then knows the period.
+        assert sweep_row.period in (0, single_run.period)
 
 
 def test_methods_refuse_models_that_they_cannot_run():
-    refused = [(bouncing(), method) for method in ("taylor", "rk45", "newmark")]
-    refused += [(TEETH, method) for method in ("rk4", "scipy", "heyoka")]
-    for model, method in refused:
+    unsupported = [(bouncing(), method) for method in ("taylor", "rk45", "newmark")]
+    unsupported += [(TEETH, method) for method in ("rk4", "scipy", "heyoka")]
+    for model, method in unsupported:
         with pytest.raises(ValueError, match=f"method = '{method}' .* it takes .* must be one of"):
             gearlib.simulate(model, 0.9, periods=1, method=method)

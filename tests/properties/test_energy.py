@@ -1,6 +1,6 @@
-"""Energy: constant in conservative models, and in balance where the stiffness changes.
+"""Energy is constant in conservative models and balances the work of load and stiffness.
 
-The energy of a state of the library is written by the matrices and flanks of `tests.independent`.
+The energy follows from matrices and distances of `tests.independent`.
 """
 
 import math
@@ -28,13 +28,15 @@ REDUCER = gearlib.split_power_reducer(CONSTANT.replace(backlash=2e-6), internal=
 
 
 def _undamped(train):
+    """Return a train without damping in supports and shafts."""
     bodies = [replace(body, support_damping=0.0, torsional_damping=0.0) for body in train.bodies]
     shafts = [replace(shaft, damping=0.0, bending_damping=0.0) for shaft in train.shafts]
     return train.replace(bodies=bodies, shafts=shafts)
 
 
-#: Name -> model without damping and with constant stiffness; a state, or a distance from rest, from
-#: which it meets all flanks.
+#: Undamped models of constant stiffness, with an initial state, or the size of a random
+#: displacement
+#: from rest, from which both flanks are touched.
 CONSERVATIVE = {
     "gear pair": (CONSTANT, (1.0, -6.0)),
     "powers": (OneDegreePair(pair=CONSTANT, **POWERS), (1.0, -6.0)),
@@ -50,25 +52,31 @@ CONSERVATIVE = {
 def energy(system, state):
     """Return the energy of a state, in units, by a `System` of `tests.independent`.
 
-    ``powers`` of a contact are the coefficients of quadratic and cubic elastic force.
+    It is the sum of kinetic energy, elastic energy of supports and flanks, and potential of the
+    load.
     """
     n = system.n
     q, v = state[:n] * system.length, state[n:] * system.length * system.speed
     total = 0.5 * (v @ system.mass @ v + q @ system.stiffness @ q) - system.load @ q
     for contact in system.contacts:
         for side, sign in zip(contact["sides"], (1.0, -1.0), strict=True):
-            pressed = max(sign * system.distance(side, q, 0.0), 0.0)
+            compression = max(sign * system.distance(side, q, 0.0), 0.0)
             square, cube = contact["powers"]
-            c = system.level(contact, side, 0.0)
-            total += c * pressed**2 * (1 / 2 + square * pressed / 3 + cube * pressed**2 / 4)
+            stiffness = system.level(contact, side, 0.0)
+            total += (
+                stiffness
+                * compression**2
+                * (1 / 2 + square * compression / 3 + cube * compression**2 / 4)
+            )
     return total / (system.force * system.length**2)
 
 
 @pytest.mark.parametrize("name", CONSERVATIVE)
 def test_energy_of_a_conservative_model_is_constant(name):
+    """The energy at the ends of twelve mesh periods must equal the initial energy."""
     model, start = CONSERVATIVE[name]
     if isinstance(start, float):
-        # A random state at this distance from rest.
+        # The initial state is a random displacement of this size from rest.
         rng, rest = np.random.default_rng(2), model.start_state("static")
         start = tuple(rest + start * rng.normal(size=rest.size))
     nu, system = 0.9, system_of(describe(model), 0.9)
@@ -79,34 +87,33 @@ def test_energy_of_a_conservative_model_is_constant(name):
     for _ in range(13):
         energies.append(energy(system, state))
         state = propagator.maps(state, 1, 10**5)[0]
-    # Some hundred events, each placed to rounding times the energies of the parts.
-    size = max(1.0, np.abs(energies).max())
-    np.testing.assert_allclose(energies, energies[0], rtol=0, atol=1e-12 * size)
+    # Each of some hundred events costs the rounding of the energy.
+    energy_scale = max(1.0, np.abs(energies).max())
+    np.testing.assert_allclose(energies, energies[0], rtol=0, atol=1e-12 * energy_scale)
 
 
 @given(data=st.data())
 @FEW
 def test_power_balance_of_pairs_of_teeth_closes(data):
-    """What the load and the changing stiffness put in, motion and damping take.
+    """The work of load, damping and tooth force must equal the change of the kinetic energy.
 
-    The force between the flanks is that of the dataset; the rest is written anew.
+    The tooth force is taken from the dataset, all other terms are computed anew.
     """
     (model, nu, state), count = data.draw(CASES["pairs of teeth"]), 16 * 1024
-    span = {"periods": 1, "record_periods": 1, "samples_per_period": count}
-    run = simulate(model, nu, initial_state=state, **span)
+    settings = {"periods": 1, "record_periods": 1, "samples_per_period": count}
+    run = simulate(model, nu, initial_state=state, **settings)
     if int(run.status):
         return
-    x, v = (
-        np.append(run[name].values, end)
-        for name, end in zip(("displacement", "velocity"), run.final_state.values, strict=True)
-    )
+    final_x, final_v = run.final_state.values
+    x = np.append(run.displacement.values, final_x)
+    v = np.append(run.velocity.values, final_v)
     ratio = np.where(run.contact == 0, model.backlash_damping_ratio, model.damping_ratio)
     power = ((1.0 - run.dynamic_force.values) / nu**2 - 2.0 * ratio * v[:-1] / nu) * v[:-1]
     step = 2.0 * math.pi / count
-    # By the rule of rectangles: a step of the largest power at each event and each switch, and at
-    # both ends.
-    jumps = run.sizes["event"] + 8
-    within = jumps * step * (np.abs(power).max() + np.abs(v).max() * 1e-9)
-    assert abs(power.sum() * step - 0.5 * (v[-1] ** 2 - v[0] ** 2)) <= within
-    fastest = np.abs(run.acceleration.values).max() + 1.0
-    assert np.abs(np.diff(x) / step - v[:-1]).max() < step * fastest
+    # The rule of rectangles errs by one step of the largest power at each event, at each switch of
+    # the stiffness and at both ends.
+    jump_count = run.sizes["event"] + 8
+    tolerance = jump_count * step * (np.abs(power).max() + np.abs(v).max() * 1e-9)
+    assert abs(power.sum() * step - 0.5 * (v[-1] ** 2 - v[0] ** 2)) <= tolerance
+    largest_acceleration = np.abs(run.acceleration.values).max() + 1.0
+    assert np.abs(np.diff(x) / step - v[:-1]).max() < step * largest_acceleration

@@ -13,7 +13,7 @@ from tests.geometry.stages import fzg_c
 from tests.physics.test_step_methods import SPLIT, VARIANTS
 from tests.properties.known_models import KNOWN, Known
 
-#: In each mesh period.
+#: Number of samples in each mesh period.
 SAMPLES = 1000
 ROUNDING = 1e-9
 TEETH = LoadSharingPair.from_geometry(fzg_c(), torque=300.0, damping_ratio=0.05, stiffness="iso")
@@ -29,9 +29,13 @@ CASES = [
 
 
 def shares_of_low_stiffness(model, stiffness, contact, periods):
-    """Return the least and the largest share of time in contact below the mean stiffness, (m,)."""
+    """Return bounds of the fraction of time in contact at low stiffness, two arrays (meshes,).
+
+    Stiffness below its mean counts as low. The bounds differ if the stiffness of some samples is
+    unknown.
+    """
     if model.equation is not None:
-        # The drive side counts, which another mesh period may show.
+        # The stiffness of the drive side counts, which samples on the coast side do not show.
         drive_stiffness = np.where(contact < 0, -math.inf, stiffness).reshape(periods, -1)
         stiffness = np.tile(drive_stiffness.max(axis=0), periods)[:, None]
     is_known = np.isfinite(stiffness)
@@ -40,13 +44,13 @@ def shares_of_low_stiffness(model, stiffness, contact, periods):
     return is_low.mean(axis=0), (is_low | ~is_known).mean(axis=0)
 
 
-def expected_of_events(run, contact, span):
-    """Return name -> value of the variables of a mesh that follow from its events.
+def variables_of_events(run, contact, span):
+    """Return the summary variables of a mesh that follow from its events, as a dict.
 
-    `contact` is the code of the first sample, `span` the phase of the record.
+    `contact` is the contact code of the first sample, `span` the length of the record in phase.
     """
     before, after = run.event_from.values, run.event_to.values
-    # Steps that go across an event may put the first sample on its other side.
+    # A step across an event may put the first sample on the other side of the event.
     codes = np.append(before[:1] if before.size else contact, after)
     phases = run.event_phase.values - float(run.phase[0])
     assert (codes[:-1] == before).all()
@@ -60,27 +64,31 @@ def expected_of_events(run, contact, span):
 
 
 def load_shares(meshes, forces):
-    """Return the forces over the mean of all meshes of the same gear, where a gear has several."""
+    """Return mesh forces divided by the mean force of all meshes on the same gear.
+
+    Meshes that share no gear with others have the value 1.
+    """
     shares = np.ones_like(forces)
-    for i, mesh in enumerate(meshes):
+    for index, mesh in enumerate(meshes):
         for gear in ("wheel", "pinion"):
-            same = [getattr(other, gear) == getattr(mesh, gear) for other in meshes]
-            if sum(same) > 1:
-                shares[i] = forces[i] / forces[same].mean()
+            on_same_gear = [getattr(other, gear) == getattr(mesh, gear) for other in meshes]
+            if sum(on_same_gear) > 1:
+                shares[index] = forces[index] / forces[on_same_gear].mean()
     return shares
 
 
 def bounds_of_summary(model, run, periods, sample_error):
-    """Return name -> (low, high), (m,) each, of the variables of a summary of some mesh periods.
+    """Return bounds (low, high), (meshes,) each, of summary variables as a dict by name.
 
-    Switches of stiffness and contact are known to `sample_error` samples.
+    The bounds follow from samples and events. Switches of stiffness and contact are known to
+    `sample_error` samples.
     """
     meshes, span = max(len(model.mesh_names), 1), math.tau * periods
     names = ("displacement", "dynamic_force", "stiffness", "contact")
     x, force, stiffness, contact = (run[name].values.reshape(-1, meshes) for name in names)
     event_mesh = run.event_mesh.values if "event_mesh" in run else np.zeros(run.sizes["event"])
     runs = [run.isel(event=event_mesh == mesh) for mesh in range(meshes)]
-    rows = [expected_of_events(*own, span) for own in zip(runs, contact[0], strict=True)]
+    rows = [variables_of_events(*own, span) for own in zip(runs, contact[0], strict=True)]
     events = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     bounds = {name: (values - ROUNDING, values + ROUNDING) for name, values in events.items()}
     jumps = np.diff(stiffness, axis=0)
@@ -88,7 +96,8 @@ def bounds_of_summary(model, run, periods, sample_error):
     low, high = shares_of_low_stiffness(model, stiffness, contact, periods)
     room = sample_error * (1 + switches.sum(axis=0)) / len(x)
     bounds["fraction_min_stiffness"] = low - room, high + room
-    # Between two samples a curve bends by its second differences and the force rises as elsewhere.
+    # Between two samples a curve deviates by its second differences, and the force by its usual
+    # rise.
     rises = np.abs(np.diff(force, axis=0))
     rise = rises.max(axis=0, where=np.abs(jumps) < 0.05, initial=0.0)
     bend = np.abs(np.diff(x, 2, axis=0)).max(axis=0) / 4.0
@@ -118,20 +127,21 @@ def bounds_of_summary(model, run, periods, sample_error):
 
 @pytest.mark.parametrize(("name", "method", "options"), CASES)
 def test_summary_follows_from_samples_and_events(name, method, options):
+    """Recompute each summary variable from dense samples and events, for each model and method."""
     model, tuning, state, periods = MODELS[name]
     recorded = periods - 1
-    span = {"periods": periods, "record_periods": recorded, "initial_state": state}
-    span |= {"method": method, "options": options}
-    run = gearlib.simulate(model, tuning, samples_per_period=SAMPLES, **span)
+    settings = {"periods": periods, "record_periods": recorded, "initial_state": state}
+    settings |= {"method": method, "options": options}
+    run = gearlib.simulate(model, tuning, samples_per_period=SAMPLES, **settings)
     assert int(run.status) == 0 and (np.diff(run.event_phase) >= 0.0).all()
-    # Long steps go across switches.
+    # Long steps go across switches, which samples then show late.
     sample_error = 50 if method in ("rk45", "scipy") and options != SPLIT else 1
     bounds = bounds_of_summary(model, run, recorded, sample_error)
-    # Datasets of models with one mesh do not have all columns.
-    table = simulation.run(model, tuning, samples_per_period=1, **span).summary
+    # Datasets of models with one mesh lack some columns, which the summary table has.
+    table = simulation.run(model, tuning, samples_per_period=1, **settings).summary
     columns = summary.column_values(table, math.tau * recorded, recorded)
     extra = model.extra_summary_variables((), table, math.tau * recorded)
     for variable in bounds.keys() | columns.keys() | extra.keys():
-        (low, high), found = bounds[variable], np.ravel(run.get(variable, columns.get(variable)))
-        inside = (low <= found) & (found <= high) | (np.isnan(low) & np.isnan(found))
-        assert inside.all(), f"{variable}: {found}, expected {low} to {high}"
+        (low, high), values = bounds[variable], np.ravel(run.get(variable, columns.get(variable)))
+        is_inside = (low <= values) & (values <= high) | (np.isnan(low) & np.isnan(values))
+        assert is_inside.all(), f"{variable}: {values}, expected {low} to {high}"

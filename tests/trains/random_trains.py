@@ -10,19 +10,24 @@ from gearlib import Body, Harmonics, Mesh, Shaft
 
 
 def random_problem(rng):
-    """Return (train, tuning, state): a random train, driven near a resonance, from a random start.
+    """Return (train, tuning, state) of a random train that runs near a resonance.
 
-    Chains with shafts, planetary trains and reducers of 2 to 6 meshes.
+    The train is a chain with shafts, a planetary train or a reducer, with 2 to 6 meshes.
     """
-    kinds = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}
-    train = kinds[rng.choice([*kinds])](rng)
+    train_makers = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}
+    train = train_makers[rng.choice([*train_makers])](rng)
     squares, shapes = train.linear_modes
-    low, high = math.sqrt(squares[0]), math.sqrt(squares[-1])
-    speed = math.exp(rng.uniform(math.log(max(low, high / 12.0)), math.log(1.2 * high)))
+    lowest_frequency, highest_frequency = math.sqrt(squares[0]), math.sqrt(squares[-1])
+    speed = math.exp(
+        rng.uniform(
+            math.log(max(lowest_frequency, highest_frequency / 12.0)),
+            math.log(1.2 * highest_frequency),
+        )
+    )
     state = train.start_state("static")
     if rng.random() < 0.7:
         spread = rng.choice([1.0, 3.0, 8.0])
-        # The motion in every mode changes distances of flanks by `spread` static deflections or so.
+        # Each mode changes the distances of flanks by about `spread` static deflections.
         unit = shapes / np.maximum(np.abs(train.structure.lines @ shapes).max(axis=0), 1e-3)
         state[: train.size // 2] += unit @ rng.normal(
             0.0, spread / math.sqrt(train.size // 2), squares.size
@@ -33,15 +38,16 @@ def random_problem(rng):
 def jamming_problem(rng):
     """Return (train, tuning, state) of a random train with little backlash, which may jam.
 
-    Backlashes are 0 to 5 um, deviations of both flanks are as large, and some gears eccentric.
+    Backlashes are 0 to 5 um, deviations of both flanks are of the same size, and some gears are
+    eccentric.
     """
     train, tuning, state = random_problem(rng)
     meshes = []
     for mesh in train.meshes:
         backlash = float(rng.choice([0.0, 1e-7, 1e-6, 5e-6]))
-        size = max(backlash, 2e-7) * rng.choice([0.1, 0.3, 0.6, 1.0, 3.0])
+        amplitude = max(backlash, 2e-7) * rng.choice([0.1, 0.3, 0.6, 1.0, 3.0])
         drive, other = (
-            Harmonics(tuple(size * rng.uniform(-1.0, 1.0, 2)), (size * rng.normal(),))
+            Harmonics(tuple(amplitude * rng.uniform(-1.0, 1.0, 2)), (amplitude * rng.normal(),))
             for _ in range(2)
         )
         flanks = {"deviation": drive, "coast_deviation": (drive, other)[rng.integers(2)]}
@@ -57,32 +63,32 @@ def jamming_problem(rng):
 
 
 def symmetric_problem(rng):
-    """Return (train, tuning, state) of planets in phase, all alike, whose flanks move as one.
+    """Return (train, tuning, state) of a planetary train whose planets all move alike.
 
-    A third of the problems starts with one planet 1e-12 static deflections off the others, so that
-    events come that far apart.
+    In a third of the problems one planet starts 1e-12 static deflections off the others, so that
+    their events are about that far apart.
     """
-    planets, kappa = int(rng.choice([2, 3])), rng.uniform(0.6, 0.9)
+    planets, stiffness_ratio = int(rng.choice([2, 3])), rng.uniform(0.6, 0.9)
     train = gearlib.planetary(
         planets=planets,
         teeth=(30, 90) if planets == 2 else (27, 99),
-        stiffness_ratio=(kappa, kappa),
+        stiffness_ratio=(stiffness_ratio, stiffness_ratio),
         contact_ratio=tuple(rng.uniform(1.2, 1.8, 2)),
         backlash=float(rng.choice([10e-6, 60e-6])),
     )
-    tuning, state, unit = float(rng.uniform(0.8, 1.3)), train.start_state("static"), {}
+    tuning, state, displacements = float(rng.uniform(0.8, 1.3)), train.start_state("static"), {}
     for i, (body, axis) in enumerate(train.structure.coordinates):
-        # Symmetric: the central axes stay, planets do the same along and across their radius.
+        # In a symmetric state central axes do not move, and all planets have equal displacements.
         name = "planet" if body.startswith("planet") else body
         if name == "planet" or axis == "u":
-            state[i] += unit.setdefault((name, axis), rng.normal(0.0, 2.0))
+            state[i] += displacements.setdefault((name, axis), rng.normal(0.0, 2.0))
     if rng.random() < 1.0 / 3.0:
         state[[body for body, _ in train.structure.coordinates].index("planet 1")] += 1e-12
     return train, tuning, state
 
 
 def _pair(rng):
-    """Return a random pair, whose stiffness and load trains get."""
+    """Return a random pair with the stiffness and load of a train."""
     return gearlib.GearPair(
         max_stiffness=rng.uniform(3e8, 6e8),
         stiffness_ratio=rng.uniform(0.55, 0.95),
@@ -94,7 +100,7 @@ def _pair(rng):
 
 
 def _flanks(rng):
-    """Return random arguments of a `Mesh`, other than its stiffness and gears."""
+    """Return random fields of a `Mesh` other than its stiffness and gears."""
     damping = rng.choice([0.0, 500.0, 3000.0], size=2)
     values = dict(
         friction=(0.0, 0.0) if rng.random() < 0.7 else tuple(rng.uniform(0.0, 0.08, 2)),
@@ -115,7 +121,7 @@ def _flanks(rng):
 
 
 def _with_random_flanks(rng, train):
-    """Return a train whose meshes have random parameters, all the same or each its own."""
+    """Return a train with random flanks, either the same or different ones for each mesh."""
     common = _flanks(rng) if rng.random() < 0.4 else None
     meshes = [replace(mesh, **(common or _flanks(rng))) for mesh in train.meshes]
     bodies = list(train.bodies)
@@ -126,14 +132,14 @@ def _with_random_flanks(rng, train):
 
 
 def chain_train(rng):
-    """Return gears in a row, 2 to 6 meshes, some on shafts of two gears."""
+    """Return a random chain of gears with 2 to 6 meshes, some on shafts with two gears."""
     count, pair, elastic = int(rng.integers(2, 7)), _pair(rng), rng.random() < 0.6
     stiffness = ("max_stiffness", "stiffness_ratio", "contact_ratio")
     stiffness = {name: getattr(pair, name) for name in stiffness}
     bodies, meshes, shafts, force = [], [], [], pair.load
 
     def add_gear(*teeth):
-        """Append and return a gear; two of 24 teeth have the reduced mass of the pair together."""
+        """Append and return a gear; two gears of 24 teeth have the reduced mass of the pair."""
         z, support = int(rng.choice(teeth)), {}
         r, reduced = 0.002 * z, 2.0 * pair.reduced_mass * (z / 24.0) ** 2
         if elastic and rng.random() < 0.7:
@@ -158,20 +164,23 @@ def chain_train(rng):
             shaft["bending_stiffness"] = rng.choice([0.0, 1e8])
             shafts.append(Shaft(bodies=(second.name, first.name), **shaft))
             force *= second.base_radius / first.base_radius
-    # The last gear turns as its mesh drives it; the load holds against that.
+    # The load acts against the rotation of the last gear.
     bodies[-1] = replace(first, torque=-((-1) ** count) * force * first.base_radius)
     train = gearlib.GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
     return _with_random_flanks(rng, train)
 
 
 def _pin_errors(rng, count, share_without):
-    """Return the errors of so many pins, of which the first has one, or None."""
+    """Return errors of `count` pins, of which only the first has one, or None.
+
+    `share_without` is the probability of None.
+    """
     has_none = rng.random() < share_without
     return None if has_none else [(0.0, 5e-6)] + [(0.0, 0.0)] * (count - 1)
 
 
 def planetary_train(rng):
-    """Return a planetary train of 2 or 3 planets."""
+    """Return a random planetary train with 2 or 3 planets."""
     planets = int(rng.choice([2, 3]))
     teeth = [(27, 99), (28, 98), (30, 90)][rng.integers(3)]
     kappa, turning = rng.uniform(0.6, 0.95), bool(rng.random() < 0.3)
@@ -189,7 +198,7 @@ def planetary_train(rng):
 
 
 def reducer_train(rng):
-    """Return a reducer of 2 or 3 branches."""
+    """Return a random split-power reducer with 2 or 3 branches."""
     branches = int(rng.choice([2, 3]))
     train = gearlib.split_power_reducer(
         _pair(rng),
@@ -246,11 +255,11 @@ def chain_with_everything(rng):
         )
         for pinion, wheel in ("ab", "bc", "cd")
     ]
-    # The direction changes from each external mesh to the next; an internal one has that before.
+    # The direction changes after each external mesh; an internal mesh keeps it.
     sign = meshes[0].direction
     meshes[1:] = [replace(mesh, direction=-sign) for mesh in meshes[1:]]
-    # d turns in the sense of a and has the same tooth force: the torques are in balance.
+    # Gear d rotates in the sense of gear a with the same tooth force, which balances the torques.
     force = rng.uniform(500.0, 3000.0) * sign
-    for i, way in ((0, 1.0), (3, -1.0)):
-        bodies[i] = replace(bodies[i], torque=way * force * bodies[i].base_radius)
+    for i, torque_sign in ((0, 1.0), (3, -1.0)):
+        bodies[i] = replace(bodies[i], torque=torque_sign * force * bodies[i].base_radius)
     return gearlib.GearTrain(bodies=bodies, meshes=meshes, reference="a-b")
