@@ -95,7 +95,7 @@ class LoadSharingPair(WithPair):
         Fraction | None,
         described(
             "Share of the gear body's compliance that is common to all pairs of teeth; None for "
-            "that of finite elements"
+            "a fit to finite elements"
         ),
     ] = None
     twist: Annotated[Boolean, described("Whether gear bodies twist about their bores")] = True
@@ -227,7 +227,7 @@ class LoadSharingPair(WithPair):
         Returns
         -------
         numpy.ndarray, shape (m, k)
-            Forces in N of the k pairs; the first pair is the one that came into mesh last.
+            Forces in N of the k pairs; the first pair came into mesh last.
         """
         pairs = self._pairs(np.asarray(phase, float) / math.tau + self._phase_offset)
         displacement = np.asarray(displacement, float) * self.static_deflection

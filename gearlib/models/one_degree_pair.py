@@ -19,7 +19,7 @@ A gear pair has Eq. (3) of Hortel & Skuderova (2007) for one coordinate,
 
 with the relative mesh displacement y = q + f(tau) of Eq. (4): the rigid-body motion q of the flanks
 plus the deviation f from the involute, whose inertia appears as a force. The values of k, D2 and D3
-in contact are those of the material, in free flight those of the oil. In units of the static
+describe the material in contact and the oil in free flight. In units of the static
 deflection d_s = F / C_s and of 1 / Omega_s, the damping over the mesh phase is d1 = 2 beta / nu,
 d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 """
@@ -219,7 +219,8 @@ class OneDegreePair(WithPair):
     ] = 0.0
     cubic_stiffness: Annotated[float, Ge(0), Unit("1/m^2"), described("Cubic stiffness g3")] = 0.0
     profile: Annotated[
-        Profile, described("Mesh stiffness over the phase, scaled to that of the pair", "C(tau)")
+        Profile,
+        described("Mesh stiffness over the phase, scaled to the mean of the pair", "C(tau)"),
     ] = Rectangular()
     excitation: Annotated[Harmonics, described("External force in N, added to the load")] = (
         Harmonics()
@@ -300,16 +301,16 @@ class DeadZoneOscillator(Model):
     upper_stiffness: Annotated[_Stiffness, described("Stiffness of the upper contact", "c_u")]
     lower_stiffness: Annotated[
         _Stiffness | None,
-        described("Stiffness of the lower contact; by default that of the upper one", "c_l"),
+        described("Stiffness of the lower contact; by default upper_stiffness", "c_l"),
     ] = None
     damping: Annotated[NonNegative, described("Damping of the gap", "d")] = 0.0
     upper_damping: Annotated[
         NonNegative | None,
-        described("Damping of the upper contact; by default that of the gap", "d"),
+        described("Damping of the upper contact; by default `damping`", "d"),
     ] = None
     lower_damping: Annotated[
         NonNegative | None,
-        described("Damping of the lower contact; by default that of the gap", "d"),
+        described("Damping of the lower contact; by default `damping`", "d"),
     ] = None
     ground_stiffness: Annotated[
         NonNegative, described("Stiffness to the ground; a spring to x = 0 that never parts", "e")

@@ -26,7 +26,7 @@ in the direction in which gear 3 rotates.
 
 The run-out uses the rotations at steady speed, phi_j = tau / teeth_j, because a vibration of 1e-5
 rad changes the run-out by only 1e-5 of itself. So the system is linear between events. Its matrices
-are those of a train of two gears, `TwoGears`.
+are assembled as for a train of two gears, `TwoGears`.
 
 The paper prints only the values of the pair; all others are choices of the user.
 """
@@ -118,19 +118,21 @@ class SixDegreePair(WithPair):
     teeth: Annotated[
         tuple[Annotated[int, Ge(1), INTEGER], ...] | None,
         Values(2),
-        described("Teeth of both gears; by default those of the pair"),
+        described("Teeth of both gears; by default the teeth of the pair"),
     ] = None
     torques: Annotated[
         tuple[Torque, ...] | None,
         Values(2),
-        described("Torques M3, M2; by default those of the load, F Rb"),
+        described("Torques M3, M2; by default they follow from the load, F Rb"),
     ] = None
     deviation: Annotated[
         Harmonics, described("Deviation of the drive-side flanks in m", "f(tau)")
     ] = Harmonics()
     coast_deviation: Annotated[
         Harmonics | None,
-        described("Deviation of the coast-side flanks in m; by default that of the drive side"),
+        described(
+            "Deviation of the coast-side flanks in m; by default the deviation of the drive side"
+        ),
     ] = None
     friction: Annotated[
         tuple[NonNegative, ...],
@@ -313,7 +315,7 @@ class SixDegreePair(WithPair):
 
 
 class _PairMesh(Mesh):
-    """A mesh whose stiffness has two levels even if they are equal, like that of a `GearPair`."""
+    """A mesh whose stiffness has two levels even if they are equal, as in a `GearPair`."""
 
     two_levels = True
 
@@ -322,8 +324,8 @@ class _PairMesh(Mesh):
 class TwoGears(GearTrain):
     """The gears of a `SixDegreePair` as a train, from which the matrices of the pair are assembled.
 
-    The line of action lies along x: the bearings y of the pair are the supports along x, its
-    bearings z those along y. The scales are those of the pair, whatever its torques.
+    The line of action lies along x: the bearings y of the pair are the supports along x, and its
+    bearings z are the supports along y. The scales are taken from the pair, whatever its torques.
     """
 
     gears: Any  #: the `SixDegreePair`

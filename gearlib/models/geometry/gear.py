@@ -1,6 +1,6 @@
 """Geometry of a gear and its parts: material, basic rack, web and tip relief (ISO 21771, ISO 53).
 
-The formulas are those of ISO 21771, which gives a ring gear a negative number of teeth; here it has
+The formulas follow ISO 21771, which gives a ring gear a negative number of teeth; here it has
 ``sign = -1``, and all diameters are positive. A positive profile shift moves the teeth towards
 their tips, and the teeth of a ring gear towards its axis. A gap is the distance between two flanks
 along the line of action, in m. `gearlib.models.geometry.gear_stage` defines positions on the path
@@ -113,7 +113,7 @@ class Web:
 
     thickness: Annotated[Width, described("Of the web,", "b_s")]
     rim_diameter: Annotated[Diameter, described("Inside of the rim")]
-    hub_diameter: Annotated[Diameter, described("Outside of the hub, smaller than that of the rim")]
+    hub_diameter: Annotated[Diameter, described("Outside of the hub, smaller than rim_diameter")]
 
     def __post_init__(self) -> None:
         """Raise ValueError unless the rim has a larger diameter than the hub."""
@@ -241,7 +241,7 @@ class SpurGear:
         Unit("m", "-50 um"),
         described("Upper allowance of the normal tooth thickness E_sns; DIN 3967"),
     ] = 0.0
-    bore: Annotated[Bore, described("Diameter; below that of the root")] = 0.0
+    bore: Annotated[Bore, described("Diameter; below the root diameter")] = 0.0
     outer_diameter: Annotated[
         Diameter | None, described("Of the rim of a ring gear; its mass and inertia need it")
     ] = None

@@ -60,8 +60,9 @@ class GearStage:
     """A pinion and a wheel in mesh; immutable, in SI units.
 
     Two helical gears of an external mesh have helices of opposite hand. The helix angle of the
-    wheel is that of the pinion with the opposite sign; the same number means the same gears, and
-    its sign is the hand of the pinion. The gears of an internal mesh have the same hand and sign.
+    wheel is the angle of the pinion with the opposite sign; the same number means the same gears,
+    and its sign is the hand of the pinion. The gears of an internal mesh have the same hand and
+    sign.
 
     Raises
     ------
@@ -78,8 +79,8 @@ class GearStage:
     backlash: Annotated[
         RunOut | None,
         described(
-            "Normal backlash j_bn; by default what shifts, centre distance and allowances of the "
-            "tooth thickness leave, or where they leave none, `recommended_backlash`"
+            "Normal backlash j_bn; by default it follows from shifts, centre distance and tooth "
+            "thickness allowances, or where they leave none, it is `recommended_backlash`"
         ),
     ] = None
 
@@ -129,7 +130,7 @@ class GearStage:
         for name in ("module", "pressure_angle", "helix_angle"):
             pinion_value, wheel_value = getattr(pinion, name), getattr(wheel, name)
             allowed_values = [pinion_value]
-            allowed = f"that of the pinion, {pinion_value!r}"
+            allowed = f"the value of the pinion, {pinion_value!r}"
             if name == "helix_angle" and pinion_value and not wheel.internal:
                 allowed_values.append(-pinion_value)
                 allowed += f", or {-pinion_value!r}, of the opposite hand"
@@ -206,7 +207,7 @@ class GearStage:
                 self._tips_clear_each_other(),
                 "wheel.teeth",
                 wheel.teeth,
-                f"larger by more than {wheel.teeth - pinion.teeth} than that of the pinion, or the "
+                f"larger by more than {wheel.teeth - pinion.teeth} than pinion.teeth, or the "
                 "tips strike each other (tip interference)",
             )
 

@@ -2,9 +2,9 @@
 
 The standard distinguishes three ranges of N, the speed over the resonance speed n_E1. The teeth
 enter by B_p (base pitch), B_f (profile form) and B_k (tip relief), each the force c' f b of a
-deviation f over the load. The running-in allowances are those of case-hardened and nitrided steel.
+deviation f over the load. The running-in allowances hold for case-hardened and nitrided steel.
 
-The formulas and constants of the dynamic factor are those of gfsReboucas/Drivetrain, a public
+The formulas and constants of the dynamic factor are taken from gfsReboucas/Drivetrain, a public
 program after the editions of 2006 and 2019, because the standard itself was not available. Several
 other programs agree with it. A printed factor of KISSsoft shows that B_k is 1 from quality 6 on.
 """
@@ -83,7 +83,7 @@ def iso_stiffness(
         If a value is impossible, or the transverse contact ratio is below 1.
     """
     ratio = checks.gear_stage(stage).contact_ratio
-    allowed = ">= 1 for the mesh stiffness of ISO 6336-1; that of the energy method has no limit"
+    allowed = ">= 1 for the mesh stiffness of ISO 6336-1; the energy method has no limit"
     checks.require(ratio >= 1.0, "contact_ratio", float(f"{ratio:.4f}"), allowed)
     return _iso_stiffness(stage, torque, application_factor)
 

@@ -73,7 +73,7 @@ class LoadSharing:
 
 @dataclass(frozen=True)
 class ToothPairs:
-    """At most k pairs of teeth in mesh at m phases; pair 0 is the one that came into mesh last."""
+    """At most k pairs of teeth in mesh at m phases; pair 0 came into mesh last."""
 
     pitches: np.ndarray  #: base pitches since pair 0 of the first mesh period, shape (m,)
     position: np.ndarray  #: on the path of contact in the middle of the face, m, shape (m, k)
@@ -185,7 +185,7 @@ def tooth_pairs(stage, phases, *, pitch_errors=None, **options) -> ToothPairs:
     """Return the pairs of teeth in mesh at equally spaced phases, starting at mesh phase 0.
 
     `phases` is the number of phases in each mesh period. There are as many mesh periods as
-    `pitch_errors`, in m, by default those of the gears. `options` are passed to `pairs_at`.
+    `pitch_errors`, in m, by default the errors of the stage. `options` are passed to `pairs_at`.
     """
     # The mesh phase is 0 in the middle of the segment with the most pairs.
     start = (stage.contact_ratio - math.floor(stage.contact_ratio)) / 2.0
@@ -221,7 +221,7 @@ def pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **options) 
     is_valid = isinstance(deviation, PathTable | None)
     checks.require(is_valid, "deviation", deviation, "a PathTable")
     errors, is_spur = checked_errors(stage, pitch_errors), stage.overlap_ratio == 0.0
-    allowed = "0, load sharing along the path of contact is that of spur gears"
+    allowed = "0, because without a load only spur gears have load sharing along the path"
     checks.require(is_spur or load is not None, "helix_angle", stage.pinion.helix_angle, allowed)
     entry_length, exit_length = corner_contact_lengths(stage, corners, load, errors)
     face = face_slices(stage, errors.size, intervals)
