@@ -1,12 +1,12 @@
-"""The paper's statements, checked against computed data.
+"""Check the paper's statements against computed data.
 
 Every verdict follows from numbers by a stated rule, with the accuracy of the paper's plots. If a
 strict criterion gives another answer, the verdict names both. A statement without data in the
-configuration is "not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
+configuration is "not evaluated". Statements P1 to P13 are quoted from Hortel & Skuderova (2007).
 
 A rule gets the `Data` of a configuration and returns whether its statement holds, and a description
-of the computed numbers. If the strict criterion gives another answer, that an orbit must repeat
-after whole mesh periods to within 1e-6 of its height, a rule returns a third item that describes
+of the computed numbers. By the strict criterion, an orbit must repeat after whole mesh periods to
+within 1e-6 of its height. If it gives another answer, a rule returns a third item that describes
 it.
 """
 
@@ -21,35 +21,43 @@ from gearlib.data.files import replacing
 from gearlib.data.motions import LINE_WIDTH, describe_settling, period_spread, true_intervals
 from gearlib.studies.certificates import FIG6_TUNINGS
 
-#: Displacements down to this much below zero count as contact. It is far above rounding errors,
-#: 1e-14, and far below the width of a plotted line: undamped motions touch y = 0 in every period.
+#: Displacements down to this value below zero count as contact, because undamped motions touch
+#: y = 0 in every period. The value is far above rounding errors, 1e-14, and far below the width of
+#: a plotted line.
 CONTACT_TOLERANCE = 1e-6
 #: Resolution in tuning of the plot from which the paper reads nu = 0.8 and 1.12.
 PLOT_RESOLUTION = 0.01
 
 
 class NoData(Exception):
-    """The configuration has no data for a statement; the message says which are missing."""
+    """The configuration has no data for a statement; the message tells which data are missing."""
 
 
 class Data:
-    """The computed data of one configuration; methods select those that a statement needs."""
+    """The computed data of one configuration; its methods select the data for a statement."""
 
     def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> None:
-        """Take a `GearPair`, dampings by name, and datasets; `evaluate` has details.
+        """Take a `GearPair`, dampings by name, and datasets; `evaluate` describes them.
 
         `jump` has the jump of the motion from rest, `scenes` maps names to sets of simulated cases.
         """
-        self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
-        self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
-        #: Name of a damping -> whether it has material damping, and backlash damping.
+        self.pair = pair
+        self.resonance = resonance
+        self.phase_planes = phase_planes
+        self.phase_lag = phase_lag
+        self.jump = jump
+        self.scenes = scenes
+        #: Name of a damping -> whether it has material damping, whether it has backlash damping.
         self.dampings = {
             name: (values["material_damping"] > 0.0, values["backlash_damping"] > 0.0)
             for name, values in dampings.items()
         }
 
     def damping_names(self, material=None, backlash=None) -> list[str]:
-        """Return the names of dampings with or without (None: either) both kinds of damping."""
+        """Return the names of the dampings with given kinds of damping; raise NoData if none.
+
+        `material` and `backlash` tell whether this kind of damping is present; None: either.
+        """
         damping_names = [
             name
             for name, (has_material, has_backlash) in self.dampings.items()
@@ -60,7 +68,11 @@ class Data:
         return damping_names
 
     def curve(self, damping: str, lowest: float, highest: float) -> xr.Dataset:
-        """Return the response curve from zero initial states, from tuning `lowest` to `highest`."""
+        """Return the response curve of a damping from the tuning `lowest` to `highest`.
+
+        Every run starts from the same initial state ("cold"). Raise NoData if the computed tunings
+        do not cover this range, or if a run stopped early.
+        """
         if "cold" not in self.resonance.direction.values:
             raise NoData("no cold resonance characteristic is configured")
         tuning = self.resonance.tuning.values
@@ -91,7 +103,7 @@ class Data:
         return scenes[0]
 
     def planes(self, damping: str, tunings: Sequence[float]) -> xr.Dataset:
-        """Return the phase portraits of one damping at some tunings."""
+        """Return the phase portraits of a damping at some tunings, or raise NoData."""
         configured = self.phase_planes.tuning.values
         for tuning in tunings:
             if not np.isclose(configured, tuning, rtol=0.0, atol=1e-9).any():
@@ -108,7 +120,11 @@ CHECKS: list[tuple] = []
 
 
 def _statement(identifier: str, text: str, place: str, figure: str = "") -> Callable:
-    """Return a decorator that adds a rule to `CHECKS`; by default the figure is the place."""
+    """Return a decorator that adds a rule, the function that checks a statement, to `CHECKS`.
+
+    `identifier` is such as "P1", `text` the statement, `place` its place in the paper. `figure` is
+    the figure of the workflow, by default the same as the place.
+    """
 
     def add(rule: Callable) -> Callable:
         CHECKS.append((identifier, text, place, figure or place, rule))
@@ -124,8 +140,11 @@ def _statement(identifier: str, text: str, place: str, figure: str = "") -> Call
     figure="Fig. 3",
 )
 def printed_tunings(data: Data) -> tuple[bool, str]:
-    """Judge statement P1: the printed tunings referred to the largest and smallest stiffness."""
-    # Tuning nu -> nu_max, nu_min: the natural frequency is that at the extreme stiffness.
+    """Check claim P1 of the paper: the printed tunings at the largest and the smallest stiffness.
+
+    Return whether it holds for the computed data, and the computed numbers as text.
+    """
+    # Tuning nu -> nu_max, nu_min, which refer to the natural frequency at the extreme stiffness.
     printed = {0.815: (0.7391, 0.9639), 0.8151: (0.7392, 0.9640)}
     computed = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
     # Half a unit of the four printed decimals, with a margin for rounding errors.
@@ -143,7 +162,10 @@ def printed_tunings(data: Data) -> tuple[bool, str]:
     "P2", "k1 = 3.95, 4, 0.04 N s/mm: beta 0.062, 0.0624, 0.000624", "text, Fig. 2", figure="Fig. 3"
 )
 def printed_damping_ratios(data: Data) -> tuple[bool, str]:
-    """Judge statement P2: the printed damping ratios of three material dampings."""
+    """Check claim P2 of the paper: the printed damping ratios of three material dampings.
+
+    Return whether it holds for the computed data, and the computed numbers as text.
+    """
     # Damping in N s/m -> printed ratio, and half a unit of its last digit.
     printed = {3950.0: (0.062, 0.5e-3), 4000.0: (0.0624, 0.5e-4), 40.0: (0.000624, 0.5e-6)}
     computed = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
@@ -157,7 +179,10 @@ VISIBLE_SHIFT = 1.0
 
 @_statement("P3", "the size of k1 shifts the phase of y(t) against C(t)", "Fig. 2")
 def phase_shift(data: Data) -> tuple[bool, str]:
-    """Judge statement P3: the material damping visibly shifts the phase of the motion."""
+    """Check claim P3 of the paper: the material damping visibly shifts the phase of the motion.
+
+    Return whether it holds for the computed data, and the computed numbers as text.
+    """
     lag = data.phase_lag.lag.isel(harmonic=0)
     if lag.size < 2 or lag.isnull().any():
         raise NoData("fewer than two dampings have an orbit of one mesh period")
@@ -174,7 +199,7 @@ _SMALL_REGION_CENTRE, _SMALL_REGION_HALF_WIDTH = 0.66, 0.02
 
 
 def interval_text(tuning: np.ndarray, condition: np.ndarray) -> str:
-    """Return the intervals of tuning in which a condition holds, as text."""
+    """Return the intervals of `tuning`, (n,), in which the mask `condition` is true, as text."""
     texts = []
     for first, last in true_intervals(condition):
         lower, upper = tuning[first], tuning[last]
@@ -183,7 +208,7 @@ def interval_text(tuning: np.ndarray, condition: np.ndarray) -> str:
 
 
 def loses_contact(curve: xr.Dataset) -> np.ndarray:
-    """Return whether contact is lost at each tuning of a sweep or of phase portraits."""
+    """Return a mask of the tunings of a sweep, or of phase portraits, at which contact is lost."""
     return curve.displacement_min.values < -CONTACT_TOLERANCE
 
 
@@ -191,7 +216,10 @@ def loses_contact(curve: xr.Dataset) -> np.ndarray:
     "P4", "conservative: normal mesh for 0.6 <= nu < 0.8 except a small region near 0.66", "Fig. 3"
 )
 def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
-    """Judge statement P4: undamped contact is lost below a tuning of 0.8 only near 0.66."""
+    """Check claim P4 of the paper: undamped contact is lost below a tuning of 0.8 only near 0.66.
+
+    Return whether it holds for the computed data, and the computed numbers as text.
+    """
     undamped = data.damping_names(material=False, backlash=False)[0]
     curve = data.curve(undamped, lowest=0.6, highest=0.8 - PLOT_RESOLUTION)
     is_lost = loses_contact(curve)
@@ -219,23 +247,26 @@ def fraction_text(fraction: float) -> str:
     "Fig. 3",
 )
 def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
-    """Judge statement P5: without damping, motions above a tuning of 0.8 bounce chaotically."""
+    """Check claim P5 of the paper: undamped motions above a tuning of 0.8 bounce chaotically.
+
+    Return whether it holds for the computed data, and the computed numbers as text.
+    """
     curve = data.curve(data.damping_names(material=False, backlash=False)[0], 0.7, 1.12)
     tuning = curve.tuning.values
     is_lost = loses_contact(curve)
-    first = tuning[is_lost][0] if is_lost.any() else np.nan
-    above = tuning >= first
+    begin = tuning[is_lost][0] if is_lost.any() else np.nan
+    above = tuning >= begin
     fractions = {
         "contact is lost": is_lost[above].mean(),
         "coast-side contact occurs": (curve.fraction_coast.values[above] > 0).mean(),
         "the motion is unsteady": (curve.period.values[above] == 0).mean(),
     }
     # Every tuning must have bounces, most of them coast-side contact and chaotic motion.
-    holds = abs(first - 0.8) <= PLOT_RESOLUTION and fractions["contact is lost"] == 1.0
+    holds = abs(begin - 0.8) <= PLOT_RESOLUTION and fractions["contact is lost"] == 1.0
     holds &= fractions["coast-side contact occurs"] > 0.5
     holds &= fractions["the motion is unsteady"] > 0.5
     texts = [f"{event} at {fraction_text(value)}" for event, value in fractions.items()]
-    text = f"contact losses begin at nu = {first:.4g}; of the tunings from there to 1.12, "
+    text = f"contact losses begin at nu = {begin:.4g}; of the tunings from there to 1.12, "
     return bool(holds), text + ", ".join(texts)
 
 
@@ -246,7 +277,10 @@ def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
     "Fig. 3",
 )
 def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
-    """Judge statement P6: material damping limits contact loss to tunings from 0.8 to 1.12."""
+    """Check claim P6 of the paper: with material damping, contact is lost from 0.8 to 1.12 only.
+
+    Return whether it holds for the computed data, and the computed numbers as text.
+    """
     highest = data.resonance.tuning.values[-1]
     holds, texts = True, []
     for name in data.damping_names(material=True):
@@ -254,8 +288,8 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
         tuning = curve.tuning.values
         is_lost = loses_contact(curve)
         inverse = bool((curve.fraction_coast.values > 0).any())
-        limits = tuning[is_lost][[0, -1]] if is_lost.any() else np.full(2, np.nan)
-        holds &= (np.abs(limits - (0.8, 1.12)) <= 2 * PLOT_RESOLUTION).all()
+        ends = tuning[is_lost][[0, -1]] if is_lost.any() else np.full(2, np.nan)
+        holds &= (np.abs(ends - (0.8, 1.12)) <= 2 * PLOT_RESOLUTION).all()
         holds &= not inverse
         side = "with" if inverse else "without"
         intervals = interval_text(tuning, is_lost)
@@ -269,7 +303,10 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
     "Fig. 3",
 )
 def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
-    """Judge statement P7: only motions with backlash damping (oil) lose contact above 1.12."""
+    """Check claim P7 of the paper: only with backlash damping alone is contact lost above 1.12.
+
+    Return whether it holds for the computed data, and the computed numbers as text.
+    """
     # The lower limit exceeds the paper's 1.12 by more than the resolution of its plot.
     lowest = 1.12 + 2 * PLOT_RESOLUTION
     highest = data.resonance.tuning.values[-1]
@@ -286,7 +323,11 @@ def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
 
 @_statement("P8", "contact ratio 1.1: mesh mostly at C_min; 1.9: mostly at C_max", "Fig. 4")
 def contact_ratios(data: Data) -> tuple[bool, str]:
-    """Judge statement P8: stiffness is mostly low at a small contact ratio, high at a large one."""
+    """Check claim P8 of the paper: the stiffness is mostly low at a small contact ratio.
+
+    At a large contact ratio it is mostly high. Return whether this holds for the computed data, and
+    the computed numbers as text.
+    """
     scene = data.scene("fig4", cases=2)  # the small contact ratio, then the large one
     low_fractions = scene.fraction_min_stiffness.values  # of time in mesh at C_min, by case
     high_fractions = (scene.fraction_drive + scene.fraction_coast).values - low_fractions
@@ -308,10 +349,10 @@ _PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
     "Fig. 5",
 )
 def undamped_phase_planes(data: Data) -> tuple:
-    """Judge statement P9: which undamped phase portraits are unsteady or lose drive-side contact.
+    """Check claim P9 of the paper: which undamped phase portraits are unsteady or lose contact.
 
     Return whether it holds, the result as text, and the text of `_strict_difference`, which names
-    orbits whose repetition to 1e-6 of their height contradicts the look of the plot.
+    orbits whose repetition to 1e-6 of their height contradicts the plot.
     """
     name = data.damping_names(material=False, backlash=False)[0]
     planes = data.planes(name, _PLANE_TUNINGS)
@@ -335,11 +376,11 @@ def undamped_phase_planes(data: Data) -> tuple:
     "P10", "k1 = 0, k1m > 0: unsteady at 0.60, 0.66, 0.78; every other damped cell steady", "Fig. 5"
 )
 def damped_phase_planes(data: Data) -> tuple:
-    """Judge statement P10: which phase portraits with damping are unsteady.
+    """Check claim P10 of the paper: which phase portraits with damping are unsteady.
 
-    According to the paper, only those with backlash damping alone are unsteady, at three tunings.
-    Return whether it holds, the result as text, and the text of `_strict_difference`, which names
-    orbits whose repetition to 1e-6 of their height contradicts the look of the plot.
+    According to the paper, only motions with backlash damping alone are unsteady, at three tunings.
+    Return whether this holds, the result as text, and the text of `_strict_difference`, which names
+    orbits whose repetition to 1e-6 of their height contradicts the plot.
     """
     expected = {name: [] for name, flags in data.dampings.items() if any(flags)}
     for name in data.damping_names(material=False, backlash=True):
@@ -362,15 +403,18 @@ def damped_phase_planes(data: Data) -> tuple:
 
 
 def _spreads(planes: xr.Dataset) -> np.ndarray:
-    """Return the largest distance between mesh periods relative to the orbit height, by tuning."""
+    """Return the spread of mesh periods, relative to the orbit height, at each tuning.
+
+    The spread is the largest distance between the curves of recorded mesh periods.
+    """
     return np.array([period_spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
 
 
 def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> str:
     """Describe orbits that look steady in a plot but do not repeat to 1e-6, or the reverse.
 
-    `planes_by_damping` maps dampings to their phase portraits, and to a mask of those that look
-    unsteady. The text is empty if there are no such orbits.
+    `planes_by_damping` maps the name of a damping to its phase portraits and a mask of the
+    portraits that look unsteady. The text is empty if there are no such orbits.
     """
     differences = []
     for name, (planes, unsteady) in planes_by_damping.items():
@@ -418,7 +462,10 @@ def tunings_text(tunings: Sequence[float]) -> str:
     "Fig. 6",
 )
 def two_tunings(data: Data) -> tuple[bool, str]:
-    """Judge statement P11: two neighbouring tunings give small and large bounces."""
+    """Check claim P11 of the paper: two neighbouring tunings give small and large bounces.
+
+    Return whether it holds for the computed data, and the computed numbers as text.
+    """
     scene = data.scene("fig6").sortby("tuning")
     tuning, depth = scene.tuning.values, -scene.displacement_min.values
     if not all(np.isclose(tuning, nu, rtol=0.0, atol=1e-9).any() for nu in FIG6_TUNINGS):
@@ -432,7 +479,7 @@ def two_tunings(data: Data) -> tuple[bool, str]:
 
 
 def jump_description(data: Data) -> str:
-    """Return at which tuning the motion from rest jumps, and which variations move the jump.
+    """Describe where the motion from rest jumps, and which variations move the jump.
 
     Only variations are named that move it between the two tunings of the paper's Fig. 6.
     """
@@ -454,9 +501,10 @@ def jump_description(data: Data) -> str:
 
 @_statement("P12", "time in mesh at C_min at nu = 0.82: t(k1,k1m) > t(k1,0) > t(0,k1m)", "Fig. 7")
 def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
-    """Judge statement P12: the order of three dampings by time in mesh at the lower stiffness.
+    """Check claim P12 of the paper: the order of three dampings by time at the lower stiffness.
 
-    The cases of the scene are material damping (k1), backlash damping (k1m), and both.
+    The cases of the scene are material damping (k1), backlash damping (k1m), and both. Return
+    whether it holds for the computed data, and the computed numbers as text.
     """
     material, backlash, both = data.scene("fig7", cases=3).fraction_min_stiffness.values
     text = f"fractions of time: k1,k1m {both:.4f}, k1 {material:.4f}, k1m {backlash:.4f}"
@@ -467,12 +515,12 @@ def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
     "P13", "conservative, nu = 0.66, six degrees of freedom: unsteady, contact bounces", "Fig. 8"
 )
 def six_degrees(data: Data) -> tuple:
-    """Judge statement P13: undamped motion with six degrees of freedom is unsteady and bounces.
+    """Check claim P13 of the paper: with six degrees of freedom, undamped motion bounces.
 
-    losing_share is the fraction of initial states from which contact is lost: random ones if the
-    run depends on rounding errors (free_of_rounding is 0), else only rest. Return whether the
-    statement holds, the result as text, and a note if the motion repeats to 1e-6 of its height
-    although it looks unsteady in a plot (else "").
+    The motion must also be unsteady. losing_share is the fraction of initial states from which
+    contact is lost: of random states if the run depends on rounding errors (free_of_rounding is 0),
+    else of the state at rest. Return whether the statement holds, the result as text, and a note,
+    "" unless the motion repeats to 1e-6 of its height although it looks unsteady in a plot.
     """
     run = data.scene("fig8", cases=1).isel(case=0)
     distance, bounces, period = period_spread(run), float(run.bounces), repetition_period(run)
@@ -523,11 +571,11 @@ def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -
 
 
 def evaluate_check(check: tuple, data: Data) -> Claim:
-    """Return a statement of the paper with the verdict of its rule.
+    """Apply the rule of a statement to the data of a configuration; return a `Claim`.
 
     `check` is an entry of `CHECKS`: id, statement, place in the paper, figure of the workflow, and
     rule. The rule is called with `data`. It returns whether the statement holds at the resolution
-    of the plots, the computed result as text, and optionally what a strict criterion gives instead.
+    of the plots, the computed result as text, and optionally the result by a strict criterion.
     """
     identifier, statement, place, figure, rule = check
     try:
