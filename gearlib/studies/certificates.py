@@ -85,6 +85,7 @@ def _rounded(values: Any) -> np.ndarray:
     """Return an array of values rounded to `_DIGITS` significant digits."""
 
     def rounded_value(value: float) -> float:
+        """Return a number rounded to `_DIGITS` significant digits."""
         return float(f"{value:.{_DIGITS - 1}e}")
 
     return np.vectorize(rounded_value, otypes=[float])(values)

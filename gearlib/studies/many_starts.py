@@ -225,6 +225,7 @@ def motions_from_equilibrium(model, tunings: Sequence[float], settings: dict) ->
     states = seeded_states(model, "static", settings)
 
     def motions_at(tuning: float) -> FinalMotion:
+        """Return the final motions from all starts at a tuning."""
         return final_motions(model, float(tuning), states, settings)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -89,9 +89,8 @@ class StageDesign:
     def __init__(self, mesh: Any, *, keep_backlash: bool = True, **options: Any):
         """Take a mesh and options of `GearPair.from_geometry`, such as torque and damping_ratio.
 
-        If the backlash is not among the varied parameters, it stays that of the stage with
-        `keep_backlash`; otherwise it follows from the profile shifts, centre distance and
-        allowances of each sample.
+        With `keep_backlash`, a backlash that is not varied keeps the value of the stage; otherwise
+        it follows from the profile shifts, centre distance and allowances of each sample.
         """
         self.stage = checks.gear_stage(mesh)
         self.keep_backlash = keep_backlash

@@ -44,7 +44,11 @@ def observations_of(model: Any, data: Any) -> list[Observation]:
 
 
 def _dataset_observations(model: Any, data: Any) -> list[Observation]:
-    """Return the observations of one measured data set, or raise ValueError if it has none."""
+    """Return the observations of one measured data set, or raise ValueError if it has none.
+
+    `data` is a dataset with a displacement over time, quantities over speed, or scalar jump speeds;
+    `model` is the model of the rig.
+    """
     if not hasattr(data, "data_vars"):
         value = data if isinstance(data, int | float | str) else type(data).__name__
         raise checks.refusal("data", value, "datasets with a displacement over time or jump speeds")

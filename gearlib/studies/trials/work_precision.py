@@ -183,6 +183,7 @@ def _setting_errors(method, options, problem, expected, reference) -> dict[str, 
         if problem.settles:
 
             def period_map(start: np.ndarray) -> np.ndarray:
+                """Return the state, (2,), that the method computes one mesh period later."""
                 return problems.run(problem, method, options, start, periods=1).state
 
             orbit_state = reference.orbit_state.values
