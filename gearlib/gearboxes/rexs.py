@@ -1,8 +1,8 @@
 """Reading of REXS files, the exchange format of gear units, versions 1.0 to 1.7 (rexs.info).
 
 A file has components with attributes, relations between components, and load cases in which
-components have other values. It is XML or JSON, alone or in a ZIP archive. Components and
-attributes that are unknown here are passed over.
+components have other values. It is XML or JSON, alone or in a ZIP archive. Unknown components and
+attributes are ignored.
 """
 
 import io
@@ -21,7 +21,7 @@ from gearlib.checks import InputError
 _NEWEST = (1, 7)
 #: Unit in a file -> its spelling for `gearlib.units`.
 _SPELLINGS = {"": "1", "none": "1", "-": "1", "mum": "um", "°": "deg"}
-#: Attributes of a load case, of the gear unit or with a prefix, that state its part of the time.
+#: Endings of the attributes that state the fraction of the load duration of a load case.
 _FRACTIONS = ("load_duration_fraction", "operating_time_fraction")
 _SUFFIXES = (".rexs", ".rexsj", ".xml", ".json")
 
@@ -38,13 +38,14 @@ class Component(NamedTuple):
         return f"{self.type} {self.name}"
 
     def value(self, name: str) -> Any:
-        """Return the value of an attribute without its unit, None if it is not given."""
+        """Return the value of an attribute without its unit, or None if it is not given."""
         return self.attributes.get(name, (None, ""))[0]
 
     def number(self, name: str, unit: str, purpose: str = "") -> float | None:
-        """Return the number of an attribute in a unit of `gearlib.units`, None if it is not given.
+        """Return an attribute as a number in a unit of `gearlib.units`, or None if it is not given.
 
-        With a `purpose`, as in "for the contact ratio", the attribute must be given.
+        If a `purpose` is given, as in "for the contact ratios", a missing attribute raises a
+        ValueError that names the purpose.
         """
         value, file_unit = self.attributes.get(name, (None, ""))
         text = str(value).strip().lower()
@@ -54,28 +55,33 @@ class Component(NamedTuple):
                 raise InputError(name, problem=problem, owner=str(self))
             return None
         spelling = _SPELLINGS.get(str(file_unit).strip(), str(file_unit).strip())
-        kind = "a number" if unit == "1" else f"a number in {unit} or another unit of its dimension"
         try:
-            if (unit, spelling) == ("1", "%"):
+            if unit == "1" and spelling == "%":
                 number = float(text) / 100.0
+            elif unit == spelling:
+                number = float(text)
             else:
-                number = float(text) if unit == spelling else units.read(f"{text} {spelling}", unit)
+                number = units.read(f"{text} {spelling}", unit)
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
-            raise InputError(name, f"{value} {file_unit}".strip(), kind, owner=str(self))
+            allowed = "a number"
+            if unit != "1":
+                allowed = f"a number in {unit} or another unit of its dimension"
+            raise InputError(name, f"{value} {file_unit}".strip(), allowed, owner=str(self))
         return number
 
     def vector(self, name: str, unit: str) -> list[float] | None:
-        """Return the numbers of an array in a unit of `gearlib.units`, None if it is not given."""
+        """Return an array as numbers in a unit of `gearlib.units`, or None if it is not given."""
         values, file_unit = self.attributes.get(name, (None, ""))
         if not isinstance(values, list):
             return None
-        cells = [self._replace(attributes={name: (value, file_unit)}) for value in values]
-        return [cell.number(name, unit, "as an array of numbers") for cell in cells]
+        # Read each entry as if it were the only value of the attribute.
+        entries = [self._replace(attributes={name: (value, file_unit)}) for value in values]
+        return [entry.number(name, unit, "as an array of numbers") for entry in entries]
 
     def is_true(self, name: str) -> bool | None:
-        """Return whether an attribute is true, None if it is not given."""
+        """Return whether an attribute is true, or None if it is not given."""
         value = self.value(name)
         return None if value is None else str(value).strip().lower() == "true"
 
@@ -87,61 +93,65 @@ class RexsModel(NamedTuple):
     application: str  #: program that wrote the file
     components: dict[str, Component]  #: by id
     relations: list[tuple[str, list]]  #: (type, [(role, id of the component), ...])
-    load_cases: dict[str, dict]  #: name -> attributes of components: id -> name -> (value, unit)
+    load_cases: dict[str, dict]  #: name -> id of a component -> its attributes in this load case
 
     def of_type(self, *types: str) -> list[Component]:
-        """Return the components of some types, in the order of the file."""
+        """Return the components of the given types, in the order of the file."""
         return [part for part in self.components.values() if part.type in types]
 
     def related(self, relation: str, **roles: Component) -> Iterator[dict]:
-        """Yield role -> component of the relations of a type in which components have given roles.
+        """Yield the relations of a type, as dicts: role -> component.
 
-        Relations with components that the file lacks are passed over.
+        `roles` restricts them to relations in which the given components have these roles, as in
+        related("assembly", assembly=shaft). Relations with unknown components are ignored.
         """
-        for kind, references in self.relations:
+        for relation_type, references in self.relations:
             parts = {role: self.components.get(key) for role, key in references}
-            if kind.removeprefix("ordered_") != relation or None in parts.values():
+            if relation_type.removeprefix("ordered_") != relation or None in parts.values():
                 continue
-            if all(role in parts and parts[role].id == x.id for role, x in roles.items()):
+            if all(role in parts and parts[role].id == part.id for role, part in roles.items()):
                 yield parts
 
     def parts_of(self, assembly: Component) -> list[Component]:
         """Return the parts of an assembly, such as the gears and sections of a shaft."""
         return [parts["part"] for parts in self.related("assembly", assembly=assembly)]
 
-    def linked(self, part: Component, kind: str) -> list[Component]:
-        """Return the components of a type that have a relation of any type with a component."""
-        found = []
+    def linked(self, part: Component, component_type: str) -> list[Component]:
+        """Return the components of a type that are in any relation with a component."""
+        linked_parts = []
         for _, references in self.relations:
             keys = [key for _, key in references]
             if part.id in keys:
-                found += [self.components[key] for key in keys if key in self.components]
-        return [other for other in found if other.type == kind]
+                linked_parts += [self.components[key] for key in keys if key in self.components]
+        return [other for other in linked_parts if other.type == component_type]
 
     def referenced(self, origin: Component, *types: str) -> Component | None:
-        """Return the first component of some types to which a component refers, or None."""
-        references = (parts["referenced"] for parts in self.related("reference", origin=origin))
-        return next((part for part in references if part.type in types), None)
+        """Return the first component of the given types to which `origin` refers, or None."""
+        for parts in self.related("reference", origin=origin):
+            if parts["referenced"].type in types:
+                return parts["referenced"]
+        return None
 
     def load_fractions(self) -> dict[str, float]:
-        """Return the fraction of the load duration of each load case, NaN if it is not stated."""
+        """Return the load cases and their fractions of the load duration, NaN if not stated."""
         fractions = {}
         for name, changes in self.load_cases.items():
             fractions[name] = math.nan
             for key, attributes in changes.items():
-                for attribute in filter(lambda x: x.endswith(_FRACTIONS), attributes):
-                    part = Component(key, "load case", name, attributes)
-                    fractions[name] = part.number(attribute, "1") or 0.0
+                for attribute in attributes:
+                    if attribute.endswith(_FRACTIONS):
+                        part = Component(key, "load case", name, attributes)
+                        fractions[name] = part.number(attribute, "1") or 0.0
         return fractions
 
     def in_case(self, name: str | None) -> "RexsModel":
-        """Return the model with the values of a load case, or itself without a name."""
+        """Return a copy of the model with the values of a load case; None means no load case."""
         changes = self.load_cases[name] if name else {}
-        changed = {
+        components = {
             key: part._replace(attributes=part.attributes | changes.get(key, {}))
             for key, part in self.components.items()
         }
-        return self._replace(components=changed)
+        return self._replace(components=components)
 
 
 def read(path: Any) -> RexsModel:
@@ -159,12 +169,12 @@ def read(path: Any) -> RexsModel:
         return _model(_from_xml(ElementTree.fromstring(content)))
     except InputError as error:
         raise ValueError(f"{path}: {error}") from None
-    except Exception as error:  # those of zipfile, ElementTree, json and Python
+    except Exception as error:  # Damaged files raise errors of zipfile, ElementTree and json.
         raise ValueError(f"{path} is damaged or no REXS file: {error}") from error
 
 
 def _model_in_archive(content: bytes) -> bytes:
-    """Return the content of the model file in a ZIP archive."""
+    """Return the content of the model file in a ZIP archive, which has the shortest path."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(_SUFFIXES)]
         if not names:
@@ -173,50 +183,52 @@ def _model_in_archive(content: bytes) -> bytes:
 
 
 def _from_xml(root: ElementTree.Element) -> dict:
-    """Return an XML model as the objects and lists of a JSON model."""
-
-    def entries(node, tag: str, **children: str) -> list[dict]:
-        """Return the elements with a tag below a node as dicts with lists of their children."""
-        found = [] if node is None else node.findall(tag)
-        return [
-            dict(x.attrib) | {f"{y}s": entries(x, y) for y in children.values()} | _xml_value(x)
-            for x in found
-        ]
-
+    """Convert an XML model to the dicts and lists of a JSON model."""
     for element in root.iter():
         element.tag = str(element.tag).rpartition("}")[2]  # without a namespace
-    root = root if root.tag == "model" else root.find(".//model")
-    spectrum = root.find("load_spectrum")
-    cases = [] if spectrum is None else spectrum.findall("load_case")
-    return dict(root.attrib) | {
-        "relations": entries(root.find("relations"), "relation", part="ref"),
-        "components": entries(root.find("components"), "component", part="attribute"),
-        "load_spectrum": {
-            "load_cases": [
-                dict(case.attrib)
-                | {"components": entries(_components_of(case), "component", part="attribute")}
-                for case in cases
-            ]
-        },
+    model = root if root.tag == "model" else root.find(".//model")
+    load_cases = []
+    spectrum = model.find("load_spectrum")
+    for case in [] if spectrum is None else spectrum.findall("load_case"):
+        # Some files have the components of a load case in an element of their own.
+        parent = case.find("components")
+        components = _xml_entries(case if parent is None else parent, "component", "attribute")
+        load_cases.append(dict(case.attrib) | {"components": components})
+    return dict(model.attrib) | {
+        "relations": _xml_entries(model.find("relations"), "relation", "ref"),
+        "components": _xml_entries(model.find("components"), "component", "attribute"),
+        "load_spectrum": {"load_cases": load_cases},
     }
 
 
-def _components_of(case: ElementTree.Element) -> ElementTree.Element:
-    """Return the element of a load case that has its components."""
-    components = case.find("components")
-    return case if components is None else components
+def _xml_entries(parent: ElementTree.Element | None, tag: str, child_tag: str) -> list[dict]:
+    """Convert the elements with a tag directly below a parent to the dicts of a JSON model.
+
+    A dict holds the XML attributes of the element and, under the plural of `child_tag`, the list of
+    its children. Without a parent, None, the list is empty.
+    """
+    entries = []
+    for element in [] if parent is None else parent.findall(tag):
+        children = [dict(child.attrib) | _xml_value(child) for child in element.findall(child_tag)]
+        entries.append(dict(element.attrib) | {f"{child_tag}s": children})
+    return entries
 
 
 def _xml_value(element: ElementTree.Element) -> dict:
-    """Return the value of an attribute: its text, or the texts of an array."""
+    """Return {"value": text} for an attribute of a component, or {} for other elements.
+
+    The value of an array is the list of the texts of its cells.
+    """
     if element.tag != "attribute":
         return {}
     array = element.find("array")
-    return {"value": element.text if array is None else [cell.text for cell in array.iter("c")]}
+    if array is None:
+        return {"value": element.text}
+    return {"value": [cell.text for cell in array.iter("c")]}
 
 
 def _model(tree: dict) -> RexsModel:
-    """Return the content of a JSON model."""
+    """Return the content of a JSON model, whose names are made unique."""
     version = str(tree.get("version") or "")
     numbers = tuple(int(text) if text.isdigit() else -1 for text in version.split(".")[:2])
     allowed = f"a version of REXS from 1.0 to {'.'.join(map(str, _NEWEST))}"
@@ -227,27 +239,31 @@ def _model(tree: dict) -> RexsModel:
         suffix = f"[{part.id}]"
         if names.count(part.name) > 1 and not part.name.endswith(suffix):
             components[key] = part._replace(name=f"{part.name} {suffix}")
-    relations = [
-        (relation["type"], [(ref["role"], str(ref["id"])) for ref in relation["refs"]])
-        for relation in tree.get("relations") or []
-    ]
-    cases: dict = {}
-    for i, case in enumerate((tree.get("load_spectrum") or {}).get("load_cases") or [], 1):
-        name = str(case.get("name") or case.get("id") or i)
-        changes = {key: part.attributes for key, part in _components(case).items()}
-        cases[name if name not in cases else f"{name} [{i}]"] = changes
-    return RexsModel(version, str(tree.get("applicationId") or ""), components, relations, cases)
+    relations = []
+    for relation in tree.get("relations") or []:
+        references = [(reference["role"], str(reference["id"])) for reference in relation["refs"]]
+        relations.append((relation["type"], references))
+    load_cases: dict = {}
+    spectrum = tree.get("load_spectrum") or {}
+    for number, case in enumerate(spectrum.get("load_cases") or [], 1):
+        name = str(case.get("name") or case.get("id") or number)
+        if name in load_cases:
+            name = f"{name} [{number}]"
+        load_cases[name] = {key: part.attributes for key, part in _components(case).items()}
+    application = str(tree.get("applicationId") or "")
+    return RexsModel(version, application, components, relations, load_cases)
 
 
 def _components(node: dict) -> dict[str, Component]:
-    """Return the components of a model or load case by id."""
-    found = {}
+    """Return the components of a JSON model or load case: id -> component."""
+    components = {}
     for part in node.get("components") or []:
         attributes = {}
         for entry in part.get("attributes") or []:
             # In JSON the key of the value is its type.
-            values = [x for key, x in entry.items() if key not in ("id", "unit")]
+            values = [value for key, value in entry.items() if key not in ("id", "unit")]
             attributes[entry["id"]] = (values[0] if values else None, entry.get("unit") or "")
         name = " ".join(str(part.get("name") or part["type"]).split())
-        found[str(part["id"])] = Component(str(part["id"]), part["type"], name, attributes)
-    return found
+        key = str(part["id"])
+        components[key] = Component(key, part["type"], name, attributes)
+    return components
