@@ -223,16 +223,10 @@ def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
         first_tuning = certificate.get("tuning", certificate.get("start"))
         contacts = "".join(_CONTACT_LETTERS[code] for code in certificate.get("pattern", ()))
         labels = [certificate[name] for name in ("damping", "gears") if name in certificate]
-        yield [
-            ", ".join(labels),
-            certificate["claim"],
-            _decimal(first_tuning),
-            _decimal(certificate.get("stop")),
-            contacts,
-            _decimal(certificate.get("displacement_min")),
-            certificate["stability"],
-            certificate["reason"],
-        ]
+        tunings = _decimal(first_tuning), _decimal(certificate.get("stop"))
+        min_displacement = _decimal(certificate.get("displacement_min"))
+        cells = [", ".join(labels), certificate["claim"], *tunings, contacts, min_displacement]
+        yield [*cells, certificate["stability"], certificate["reason"]]
 
 
 def _decimal(value: str | Sequence[str] | None) -> str:

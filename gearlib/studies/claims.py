@@ -41,12 +41,8 @@ class Data:
 
         `jump` has the jump of the motion from rest, `scenes` maps names to sets of simulated cases.
         """
-        self.pair = pair
-        self.resonance = resonance
-        self.phase_planes = phase_planes
-        self.phase_lag = phase_lag
-        self.jump = jump
-        self.scenes = scenes
+        self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
+        self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
         #: Name of a damping -> whether it has material damping, whether it has backlash damping.
         self.dampings = {
             name: (values["material_damping"] > 0.0, values["backlash_damping"] > 0.0)

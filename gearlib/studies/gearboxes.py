@@ -210,16 +210,9 @@ def _stage_values(data: xr.Dataset) -> list[float]:
         nearest_index = int(np.abs(data.speed.values - operating_speed).argmin())
         point = data.isel(tuning=nearest_index)
         error = 1e6 * point.error_peak_to_peak
-    values = [
-        point.get("speed"),
-        point.get("dynamic_factor"),
-        point.get("iso_dynamic_factor"),
-        factors[largest_index],
-        data.speed[largest_index],
-        error,
-        data.resonance_speed,
-        point.get("contact_loss_fraction"),
-    ]
+    values = [point.get(name) for name in ("speed", "dynamic_factor", "iso_dynamic_factor")]
+    values += [factors[largest_index], data.speed[largest_index], error]
+    values += [data.resonance_speed, point.get("contact_loss_fraction")]
     return [math.nan if value is None else float(value.max()) for value in values]
 
 

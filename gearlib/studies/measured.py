@@ -609,7 +609,8 @@ def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
             peak_block = int(np.nanargmax(values[0]))
             estimates.append((float(run_up.speed[peak_block]), math.nan))
         quantity = f"largest order z of {name}"
-        yield Comparison(quantity, *estimates, unit="min-1", calibration="speed")
+        measured, computed = estimates
+        yield Comparison(quantity, measured, computed, unit="min-1", calibration="speed")
 
 
 def _compare_time_histories(histories: xr.Dataset) -> Iterator[Comparison]:

@@ -419,16 +419,9 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
     initial_values = [float(problem.model.value(name)) for name in problem.names]
     params = {}
     for i, name in enumerate(problem.names):
-        params[name] = Parameter(
-            name=name,
-            value=values[i],
-            stderr=stderr[i],
-            half_width=half_widths[i],
-            min=problem.low[i],
-            max=problem.high[i],
-            init=initial_values[i],
-            identifiable=identifiable[i],
-        )
+        # The numbers have the order of the fields of `Parameter`.
+        numbers = values[i], stderr[i], half_widths[i], problem.low[i], problem.high[i]
+        params[name] = Parameter(name, *numbers, initial_values[i], identifiable[i])
     messages = _parameter_messages(problem, model, params, directions)
     messages += _residual_messages(problem, model, residuals, k)
     # The information criteria count the variance of the noise as a parameter.

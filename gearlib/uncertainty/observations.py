@@ -196,16 +196,10 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
         sample_noise = data.get(f"{name}_noise_std")
         if sample_noise is not None and (sample_noise.values > 0.0).all():
             stds = sample_noise.values.astype(float)
-        channel = Channel(
-            name,
-            values,
-            stds,
-            noise_known=bool(noise),
-            unknown_gain=bool(attrs.get("unknown_gain", 0)),
-            unknown_offset=bool(attrs.get("unknown_offset", 0)),
-            sequence_indices=sequence,
-        )
-        channels.append(channel)
+        has_unknown_gain = bool(attrs.get("unknown_gain", 0))
+        has_unknown_offset = bool(attrs.get("unknown_offset", 0))
+        flags = bool(noise), has_unknown_gain, has_unknown_offset
+        channels.append(Channel(name, values, stds, *flags, sequence))
     has_orders = any(observation.ORDER_AMPLITUDE in quantity for quantity, _ in quantities.values())
     samples_per_period = observation.SAMPLES_PER_PERIOD if has_orders else 1
 

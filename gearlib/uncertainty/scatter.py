@@ -158,26 +158,11 @@ def scatter(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    whole = shard(
-        model,
-        tolerances,
-        n,
-        0,
-        n,
-        quantities=quantities,
-        speed=speed,
-        seed=seed,
-        threads=threads,
-        progress=progress,
-        max_seconds=max_seconds,
-        speeds=speeds,
-        tunings=tunings,
-        directions=directions,
-        periods=periods,
-        record_periods=record_periods,
-        box=box,
-    )
-    return join_shards([whole])
+    settings = {"quantities": quantities, "speed": speed, "seed": seed, "threads": threads}
+    settings |= {"progress": progress, "max_seconds": max_seconds}
+    sweeps = {"speeds": speeds, "tunings": tunings, "directions": directions, "periods": periods}
+    sweeps |= {"record_periods": record_periods, "box": box}
+    return join_shards([shard(model, tolerances, n, 0, n, **settings, **sweeps)])
 
 
 def shard(

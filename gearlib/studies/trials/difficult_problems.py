@@ -107,17 +107,10 @@ def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
         (f"edge_{name}", beyond, f"beyond its edge, $\\nu$ = {beyond:.4f}"),
     ):
         displacement, velocity = meissner.orbit_state(model, tuning)
-        problems[key] = Problem(
-            description,
-            model,
-            tuning,
-            state=(displacement + _PERTURBATION, velocity),
-            periods=periods,
-            record_periods=1,
-            quantity="deviation",
-            tolerance=1e-2,
-            orbit=(displacement, velocity),
-        )
+        start = displacement + _PERTURBATION, velocity
+        settings = {"periods": periods, "record_periods": 1, "quantity": "deviation"}
+        settings |= {"tolerance": 1e-2, "orbit": (displacement, velocity)}
+        problems[key] = Problem(description, model, tuning, start, **settings)
     return problems
 
 
