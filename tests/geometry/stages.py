@@ -6,14 +6,14 @@ from gearlib.geometry import GearStage, Material, Rack, SpurGear
 
 
 def iso_example(**changes):
-    """ISO/TR 6336-30:2017, example 1, with the tip diameters to the 10 um of gear geometry."""
+    """Return example 1 of ISO/TR 6336-30:2017, with tip diameters rounded to 10 um."""
     common = {"module": 8e-3, "helix_angle": math.radians(15.8), "width": 0.1, "rack": "D"}
     pinion = SpurGear(teeth=17, shift=0.145, tip_diameter=0.15966, **common | changes)
     return GearStage(pinion, SpurGear(teeth=103, tip_diameter=0.87235, **common | changes), 0.5)
 
 
 def fzg_c(**changes):
-    """FZG type C, with a shaft of 30 mm; see the worked example of the documentation."""
+    """Return the FZG type C stage with shafts of 30 mm, as in the worked example."""
     common = {"module": 4.5e-3, "width": 0.014, "bore": 0.03} | changes
     pinion = SpurGear(teeth=16, shift=0.1817, tip_diameter=0.08246, **common)
     return GearStage(
@@ -22,28 +22,31 @@ def fzg_c(**changes):
 
 
 def gears_of_20_teeth(**changes):
-    """Return the mesh z 20/20, m 10 mm, b 30 mm, E 200 GPa, a common example of backlash."""
+    """Return a stage z 20/20, m 10 mm, b 30 mm, E 200 GPa, a common example of backlash."""
     values = {"teeth": 20, "module": 0.01, "width": 0.03, "material": Material(young=200e9)}
     gear = SpurGear(**values | changes)
     return GearStage(gear, gear)
 
 
 def high_contact_ratio_mesh():
-    """Return a mesh of slender teeth, of which two or three pairs touch at a time."""
+    """Return a stage of slender teeth with two or three pairs in contact at a time."""
     rack = Rack(addendum=1.35, dedendum=1.6, tip_radius=0.2)
     gear = SpurGear(teeth=50, module=4e-3, width=0.02, rack=rack)
     return GearStage(gear, gear)
 
 
 def ring(**changes):
-    """A planet and a ring gear of standard proportions."""
+    """Return the stage of a planet and a ring gear of standard proportions."""
     gear = SpurGear(teeth=36, module=4e-3, width=0.03)
     other = {"teeth": 99, "outer_diameter": 0.44, "internal": True} | changes
     return GearStage(gear, SpurGear(module=4e-3, width=0.03, **other))
 
 
 def short_teeth(hands=(1, 1), **changes):
-    """Return a helical mesh with eps_alpha 0.82 and eps_beta 2.9; `hands` are signs of angles."""
+    """Return a helical stage with eps_alpha 0.82 and eps_beta 2.9.
+
+    `hands` are the signs of both helix angles.
+    """
     common = {"module": 3e-3, "width": 0.08, "rack": Rack(addendum=0.5)} | changes
     return GearStage(
         *(
@@ -54,6 +57,6 @@ def short_teeth(hands=(1, 1), **changes):
 
 
 def own(**changes):
-    """z 23/61, m 2.5 mm, b 18 mm: gears of a reader of the documentation."""
+    """Return the stage z 23/61, m 2.5 mm, b 18 mm, an example of the documentation."""
     pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=0.018, **changes) for z in (23, 61))
     return GearStage(pinion, wheel, backlash=80e-6)

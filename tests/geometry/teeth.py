@@ -1,9 +1,10 @@
-"""A second code for the phases of gear trains: teeth in the plane, one by one; nothing of gearlib.
+"""A second code for the phases of gear trains that places teeth in the plane, without gearlib.
 
-Gears have involutes on a base circle, cut at the tip circle. They are turned until flanks touch,
-those on a shaft until teeth are in line. Where flanks cross the line of action, the common tangent
-of both base circles, they touch; so contacts come and go with each tooth. Angles are
-counterclockwise, complex numbers points of the plane, time is in periods of the first mesh.
+Flanks are involutes of the base circle, cut at the tip circle. Gears are turned until flanks touch,
+and gears on a common shaft until teeth are in line. Flanks touch where they cross the line of
+action, the common tangent of both base circles, which gives the begin and the end of each contact.
+Angles are counterclockwise, complex numbers are points of the plane, and time is in periods of the
+first mesh.
 """
 
 import cmath
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 from scipy.optimize import brentq
 
 MODULE, PRESSURE_ANGLE = 3e-3, math.radians(20.0)
-#: Of a pitch: rounding.
+#: Rounding of positions, as a fraction of a pitch.
 CLOSE = 1e-6
 
 
@@ -37,24 +38,25 @@ class Gear:
 
 
 def involute(angle):
+    """Return the involute function tan(angle) - angle."""
     return math.tan(angle) - angle
 
 
 def play(gears, working):
-    """Return the play of two gears at a working pressure angle, in pitches."""
+    """Return the circumferential backlash of two gears at a working pressure angle, in pitches."""
     halves = [gear.half_base_angle - gear.sign * involute(working) for gear in gears]
     return 0.5 - sum(half / gear.pitch for half, gear in zip(halves, gears, strict=True))
 
 
 def axis_distance(gear, mate, loosening=0.0):
-    """Return the distance of the axes without backlash, made looser by some modules."""
+    """Return the centre distance without backlash, increased by `loosening` modules."""
     sign = gear.sign * mate.sign
     working = brentq(lambda angle: play((gear, mate), angle), 1e-3, 1.2, xtol=1e-14)
     return abs(gear.base + sign * mate.base) / math.cos(working) + sign * loosening * MODULE
 
 
 class Flanks:
-    """Both gears of a mesh, first the one that drives, as they touch in drive or, `coast`, behind.
+    """The flanks of a mesh that touch on the drive side or, if `coast`, on the coast side.
 
     A mesh is (driving gear, driven gear, distance of the axes, angle from the first to the second).
     """
@@ -64,14 +66,14 @@ class Flanks:
         self.gears = [machine.gears[name] for name in names]
         self.speeds = [machine.speed[name] for name in names]
         signs = [gear.sign for gear in self.gears]
-        # What drives pushes with the flanks that face forwards. Two external gears touch with those
-        # of one side, a ring gear has the other side than its mate.
+        # The driving gear pushes with the flanks that face forwards. Two external gears touch with
+        # flanks of the same side, a ring gear and its mate with flanks of opposite sides.
         side = math.copysign(1.0, self.speeds[0]) * (-1.0 if coast else 1.0)
         self.sides = [side, side * signs[0] * signs[1]]
         self.axes = [0j, cmath.rect(centre_distance, centre_line)]
         radii = [sign * gear.base for sign, gear in zip(signs, self.gears, strict=True)]
         working = math.acos(abs(sum(radii)) / centre_distance)
-        # From each axis to the teeth in mesh: away from the other axis where that is a ring gear's.
+        # These angles point from each axis to the teeth in mesh, away from the axis of a ring gear.
         self.mesh_angles = [
             centre_line if signs[1] > 0 else centre_line + math.pi,
             centre_line + math.pi if signs[0] > 0 else centre_line,
@@ -81,43 +83,43 @@ class Flanks:
             mesh_angle - sign * side * working
             for mesh_angle, sign, side in zip(self.mesh_angles, signs, self.sides, strict=True)
         ]
-        # While drive flanks touch, coast flanks have all the play.
+        # While drive flanks touch, all backlash is between the coast flanks.
         self.half_angles = [
             gear.half_base_angle + (gear.pitch * play(self.gears, working) if coast else 0.0)
             for gear in self.gears
         ]
 
     def point(self, i, tooth_angle):
-        """Return where the flank of a tooth of gear i at this angle crosses the line of action."""
-        # The normal of the involute touches the base circle where it unwinds from.
+        """Return the point at which the flank of a tooth of gear `i` crosses the line of action."""
+        # The normal of an involute is tangent to the base circle.
         roll = self.half_angles[i] + self.sides[i] * (tooth_angle - self.tangent_angles[i])
         return self._on_line_of_action(i, self.gears[i].sign * roll)
 
     def tooth_angle(self, i, point):
-        """Return the angle of the tooth of gear i whose flank crosses the line of action there."""
+        """Return the angle of the tooth of gear `i` whose flank passes a point of this line."""
         tangent_angle = self.tangent_angles[i]
         along = (point - self.axes[i]) * cmath.exp(-1j * tangent_angle) / self.gears[i].base
         assert abs(along.real - 1.0) < 1e-9, "the point must lie on the common tangent"
         return tangent_angle + along.imag - self.sides[i] * self.half_angles[i]
 
     def tip(self, i):
-        """Return where the tip circle of gear i cuts the path of contact."""
+        """Return the point at which the tip circle of gear `i` cuts the path of contact."""
         gear = self.gears[i]
         return self._on_line_of_action(i, math.sqrt((gear.tip / gear.base) ** 2 - 1.0))
 
     def _on_line_of_action(self, i, roll):
-        """Return the point of the line of action up to which gear i has rolled by an angle."""
+        """Return the point of the line of action up to which gear `i` has rolled by an angle."""
         gear, foot = self.gears[i], cmath.exp(1j * self.tangent_angles[i])
         return self.axes[i] + gear.base * foot * (1 + 1j * gear.sign * self.sides[i] * roll)
 
     @property
     def pitch_point(self):
-        """Return the point at which both gears have one velocity."""
+        """Return the point at which both gears have the same velocity."""
         (a, b), (u, v) = self.axes, self.speeds
         return (v * b - u * a) / (v - u)
 
     def slip(self, point):
-        """Return the velocity of the first gear over the second at a point."""
+        """Return the velocity of the first gear relative to the second at a point."""
         (a, b), (u, v) = self.axes, self.speeds
         return 1j * (u * (point - a) - v * (point - b))
 
@@ -131,9 +133,9 @@ class Machine:
     meshes : list of (str, str, float, float)
         See `Flanks`.
     shafts : list of (name, name, float)
-        With the angle by which the second is keyed ahead.
+        The angle is that by which the second gear is keyed ahead of the first.
     sense : {1, -1}
-        1 where the first gear of the first mesh turns counterclockwise.
+        1 if the first gear of the first mesh rotates counterclockwise.
     """
 
     def __init__(self, gears, meshes, shafts=(), sense=1):
@@ -150,7 +152,10 @@ class Machine:
         self._spread(self.tooth_angles, self._tooth_of_mate, self._tooth_on_shaft)
 
     def _spread(self, values, over_mesh, over_shaft):
-        """Complete `values`, name -> number, over all meshes before the next shaft."""
+        """Complete `values`, name -> number, over meshes and, where none is left, the next shaft.
+
+        `over_mesh` and `over_shaft` return the value of the other gear from (link, index, value).
+        """
         links = [(mesh, over_mesh) for mesh in self.meshes]
         links += [(shaft, over_shaft) for shaft in self.shafts]
         while True:
@@ -164,43 +169,43 @@ class Machine:
                 return
 
     def _speed_of_mate(self, mesh, i, speed):
+        """Return the speed of the mate of gear `i` of a mesh."""
         gear, mate = self.gears[mesh[i]], self.gears[mesh[1 - i]]
         return -speed * gear.sign * mate.sign * gear.teeth / mate.teeth
 
     def _tooth_of_mate(self, mesh, i, angle):
+        """Return the angle of a tooth of the mate that touches a tooth of gear `i` of a mesh."""
         flanks = Flanks(self, mesh)
         touching = flanks.tooth_angle(1 - i, flanks.point(i, angle))
         return self._reference_tooth(mesh, 1 - i, touching)
 
     def _reference_tooth(self, mesh, i, angle):
-        """Return the angle of the tooth nearest to the line of centres, of two on the drive side.
+        """Return the angle of the tooth nearest to the line of centres, from any tooth of gear i.
 
-        `angle` is that of any tooth of gear i.
+        If two teeth are equally near, the one on the drive side counts.
         """
         flanks, pitch = Flanks(self, mesh), self.gears[mesh[i]].pitch
         pitches_ahead = flanks.sides[i] * (angle - flanks.mesh_angles[i]) / pitch
         return angle - flanks.sides[i] * pitch * math.ceil(pitches_ahead - 0.5 - CLOSE)
 
     def _tooth_on_shaft(self, shaft, i, angle):
+        """Return the angle of the tooth of the other gear on a shaft that is keyed to a tooth."""
         return angle + (1 - 2 * i) * shaft[2]
 
     def contact_times(self, mesh, coast=False):
-        """Return when a pair of teeth comes into contact, passes the pitch point, and leaves.
-
-        In periods of the mesh, after the start.
-        """
+        """Return when a tooth pair begins contact, passes the pitch point and ends contact."""
         flanks, name = Flanks(self, mesh, coast), mesh[0]
         points = [flanks.tip(1), flanks.pitch_point, flanks.tip(0)]
         turns = [flanks.tooth_angle(0, point) - self.tooth_angles[name] for point in points]
-        # On the coast side the other gear drives; contact begins at the tip of what is driven.
+        # Contact begins at the tip of the driven gear, which on the coast side is the other one.
         pitch = math.copysign(self.gears[name].pitch, self.speed[name])
         return [turn / pitch for turn in (reversed(turns) if coast else turns)]
 
     def phase(self, mesh, coast=False):
-        """Return the middle of the time in which there is one pair more, in mesh periods."""
+        """Return the middle of the time with one more pair in contact, in mesh periods."""
         begin, _, end = self.contact_times(mesh, coast)
         return begin + (end - begin) % 1.0 / 2.0
 
     def pitch_phase(self, mesh):
-        """Return how long after its `phase` teeth touch at the pitch point, rad."""
+        """Return the time from `phase` to contact at the pitch point, in radians of the mesh."""
         return math.tau * (self.contact_times(mesh)[1] - self.phase(mesh))

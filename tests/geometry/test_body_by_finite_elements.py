@@ -18,14 +18,14 @@ POISSON = 0.3
 
 
 def triangles(vertices):
-    """Return the triangles, shape (3, n), of a grid of vertex numbers."""
+    """Return the triangles, (3, n), of a rectangular grid of vertex numbers."""
     a, b = vertices[:-1, :-1].ravel(), vertices[:-1, 1:].ravel()
     c, d = vertices[1:, 1:].ravel(), vertices[1:, :-1].ravel()
     return np.hstack([[a, b, c], [a, c, d]])
 
 
 class FiniteElements:
-    """All teeth of a gear, its bore clamped: plane stress, quadratic triangles, E = width = 1."""
+    """A plane-stress model of a whole gear with clamped bore, for E = 1 and width 1."""
 
     def __init__(self, tooth, phi):
         """Build and factorize the stiffness matrix; `phi` are the points of the flanks."""

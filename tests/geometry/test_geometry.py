@@ -13,19 +13,27 @@ COSINE = math.cos(math.radians(20.0))
 
 
 def test_thickness_allowances_open_backlash_along_the_line_of_action():
-    tight = gears_of_20_teeth()
-    # Gears without play get the least backlash of ISO/TR 10064-2, 2/3 (0.06 + 0.1 + 0.3) mm.
-    assert tight.has_recommended_backlash
-    assert tight.backlash == pytest.approx(0.46e-3 / 1.5, rel=1e-12)
-    assert GearStage(tight.pinion, tight.wheel, backlash=0.0).backlash == 0.0
-    loose = gears_of_20_teeth(thickness_allowance=-5e-5)
-    assert loose.backlash == pytest.approx(2.0 * 5e-5 * COSINE, rel=1e-9)
-    assert GearStage(loose.pinion, loose.wheel, backlash=3e-5).backlash == 3e-5
+    gears_without_allowance = gears_of_20_teeth()
+    # Gears without allowances get the backlash 2/3 (0.06 + 0.1 + 0.3) mm of ISO/TR 10064-2.
+    assert gears_without_allowance.has_recommended_backlash
+    assert gears_without_allowance.backlash == pytest.approx(0.46e-3 / 1.5, rel=1e-12)
+    assert (
+        GearStage(
+            gears_without_allowance.pinion, gears_without_allowance.wheel, backlash=0.0
+        ).backlash
+        == 0.0
+    )
+    gears_with_allowance = gears_of_20_teeth(thickness_allowance=-5e-5)
+    assert gears_with_allowance.backlash == pytest.approx(2.0 * 5e-5 * COSINE, rel=1e-9)
+    assert (
+        GearStage(gears_with_allowance.pinion, gears_with_allowance.wheel, backlash=3e-5).backlash
+        == 3e-5
+    )
     assert ring(thickness_allowance=-5e-5).backlash == pytest.approx(5e-5 * COSINE, rel=1e-9)
 
 
 def test_clearances_are_gaps_between_tip_and_root():
-    # The dedendum, 1.25 m, is a quarter of the module more than the addendum.
+    # The dedendum exceeds the addendum by a quarter of the module, 1 mm.
     gears = (
         SpurGear(teeth=z, module=4e-3, width=0.02, shift=x) for z, x in ((25, 0.2), (60, -0.2))
     )
@@ -60,6 +68,7 @@ def test_mass_and_inertia_add_up_hub_web_and_rim(gear, diameters, widths):
 
 @pytest.mark.parametrize("hands", [(-1, -1), (1, -1), (-1, 1)])
 def test_mirrored_gears_have_the_same_motion(hands):
+    """Opposite hands of the helices must not change the equations of motion."""
     systems = [
         LoadSharingPair.from_geometry(
             short_teeth(signs), torque=300.0, stiffness="energy", damping_ratio=0.05

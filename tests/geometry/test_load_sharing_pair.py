@@ -1,4 +1,4 @@
-"""Pairs of teeth that touch one by one: closed forms, scipy event by event, limits."""
+"""Dynamic load sharing of tooth pairs: closed forms, scipy from event to event, limits."""
 
 import cmath
 import math
@@ -25,8 +25,10 @@ from tests.geometry.stages import (
 
 TORQUE = 300.0
 OPTIONS = {"torque": TORQUE, "damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
-ON_PATH = {"corner_contact": False}  #: the nominal path of contact alone has closed forms
-FAR = 5e-3  #: m of backlash, which no motion crosses
+#: Closed forms exist for the nominal path of contact only.
+ON_PATH = {"corner_contact": False}
+#: A backlash, m, that no motion crosses.
+FAR = 5e-3
 
 
 @pytest.mark.parametrize(
@@ -34,48 +36,54 @@ FAR = 5e-3  #: m of backlash, which no motion crosses
     [fzg_c(), replace(gears_of_20_teeth(), backlash=2e-6), high_contact_ratio_mesh(), ring()],
 )
 def test_without_relief_the_load_sharing_pair_matches_the_rectangular_pair(mesh):
-    """The closed forms of `GearPair`, both flanks included."""
+    """Without relief the stiffness after ISO 6336 is the rectangle of `GearPair`."""
     model = LoadSharingPair.from_geometry(mesh, stiffness="iso", **ON_PATH, **OPTIONS)
-    run = {"periods": 60, "record_periods": 2, "samples_per_period": 64}
-    ours, theirs = simulate(model, 0.9, **run), simulate(model.pair, 0.9, **run)
-    assert theirs.bounces > 0.0 or theirs.displacement_min > 0.0
-    # Sixty periods of damped rounding; samples at a switch may lie before or behind it.
+    settings = {"periods": 60, "record_periods": 2, "samples_per_period": 64}
+    teeth_run, pair_run = simulate(model, 0.9, **settings), simulate(model.pair, 0.9, **settings)
+    assert pair_run.bounces > 0.0 or pair_run.displacement_min > 0.0
+    # Samples at a switch of the stiffness may lie on either side of it, two at most.
     for name in ("displacement", "velocity"):
-        np.testing.assert_allclose(ours[name], theirs[name], atol=1e-11)
+        np.testing.assert_allclose(teeth_run[name], pair_run[name], atol=1e-11)
     for name in ("acceleration", "dynamic_force", "modified_stiffness"):
-        away = np.abs(ours[name] - theirs[name]) > 1e-9 * np.abs(theirs[name]).max()
-        assert int(away.sum()) <= 2, name
+        is_different = (
+            np.abs(teeth_run[name] - pair_run[name]) > 1e-9 * np.abs(pair_run[name]).max()
+        )
+        assert int(is_different.sum()) <= 2, name
     names = ["dynamic_force_max", "displacement_min", "fraction_drive", "bounces"]
     for name in names + ["fraction_coast"] * (mesh.backlash < 1e-5):
-        assert ours[name].item() == pytest.approx(theirs[name].item(), abs=1e-11), name
+        assert teeth_run[name].item() == pytest.approx(pair_run[name].item(), abs=1e-11), name
 
 
 @pytest.mark.parametrize("corners", [False, True])
 def test_tooth_pairs_coupled_by_the_body_move_as_integrated_by_scipy(corners):
-    """Forces by non-negative least squares, the motion by steps that end where a pair may enter."""
+    """Integrate by scipy from entry to entry of a pair; least squares give the forces."""
     torque = TORQUE / (8.0 if corners else 2.0)
     mesh = optimum_relief(replace(fzg_c(), backlash=FAR), torque, length="long", stiffness="iso")
-    more = {"stiffness": "iso", "phases": 8, "corner_contact": corners}
-    model = LoadSharingPair.from_geometry(mesh, **more, **OPTIONS)
+    stage_options = {"stiffness": "iso", "phases": 8, "corner_contact": corners}
+    model = LoadSharingPair.from_geometry(mesh, **stage_options, **OPTIONS)
     tuning, starts = 0.8, model.system_and_max_stiffness[0].starts
     shift = (mesh.contact_ratio - 1.0) / 2.0
 
     def pairs(tau, middle):
+        """Return the tooth pairs at the phase `tau`, those in reach at the phase `middle`."""
         at = np.array([tau, middle]) / math.tau + shift
         return pairs_at(mesh, *at[:, None], stiffness="iso", corners=corners, load=model.load)
 
-    # Displacement, and its rate by the time in which the eigenfrequency is 1.
+    # The rate is with respect to the time in which the eigenfrequency is 1.
     state = np.array([-0.5, 1.5 * tuning])
     for left, right in zip(starts, starts[1:], strict=False):
         middle = (left + right) / 2.0
-        reached = pairs(middle, middle).can_touch[0]
-        cholesky = np.linalg.cholesky(pairs(middle, middle).compliance[0][np.ix_(reached, reached)])
+        in_reach = pairs(middle, middle).can_touch[0]
+        cholesky = np.linalg.cholesky(
+            pairs(middle, middle).compliance[0][np.ix_(in_reach, in_reach)]
+        )
         phases = left, middle, right
-        gaps = [pairs(tau, middle).gap[0, reached] / model.static_deflection for tau in phases]
+        gaps = [pairs(tau, middle).gap[0, in_reach] / model.static_deflection for tau in phases]
         gap_rate = (gaps[-1].min() - gaps[0].min()) / (right - left)
         parabola = KroghInterpolator(phases, gaps)
 
         def rates(tau, z, parabola=parabola, law=(cholesky, gap_rate)):
+            """Return the derivatives of displacement and rate over the phase."""
             gap = parabola(tau)
             deflection = np.linalg.solve(law[0], z[0] - gap) * model.static_deflection
             force = nnls(law[0].T, deflection)[0].sum() / model.load
@@ -86,13 +94,14 @@ def test_tooth_pairs_coupled_by_the_body_move_as_integrated_by_scipy(corners):
         motion = solve_ivp(rates, (left, right), state, "DOP853", rtol=1e-9, atol=1e-10)
         state = motion.y[:, -1]
     run = simulate(model, tuning, periods=1, initial_state=(-0.5, 1.5))
-    end, share = run.final_state.values * [1.0, tuning], run.contact_loss_fraction
-    # Steps across the events of pairs, which the step control makes small.
+    end, contact_loss = run.final_state.values * [1.0, tuning], run.contact_loss_fraction
+    # Steps of scipy cross the events of pairs, which costs some digits.
     np.testing.assert_allclose(end, state, atol=1e-7)
-    assert 0.0 < share.max() < 1.0
+    assert 0.0 < contact_loss.max() < 1.0
 
 
 def spur(helix_angle=0.0, relief=None, width=32e-3):
+    """Return a stage of 19 and 47 teeth with given helix angle, tip relief and face width."""
     common = {"module": 4e-3, "width": width, "helix_angle": helix_angle, "tip_relief": relief}
     gears = SpurGear(teeth=19, shift=0.3, **common), SpurGear(teeth=47, **common)
     return GearStage(*gears, backlash=120e-6)
@@ -101,16 +110,17 @@ def spur(helix_angle=0.0, relief=None, width=32e-3):
 @pytest.mark.parametrize("mesh", [fzg_c(), ring()])
 @pytest.mark.parametrize("end", [0, 1])
 def test_corner_contact_opens_by_the_geometric_gap(mesh, end):
-    """Both gears turn 0.04 base pitches past an end of the path; complex points of the plane.
+    """Turn both gears 0.04 base pitches past an end of the path, as points of the complex plane.
 
-    At the first end the tip corner of the wheel leaves the flank of the pinion, at the second the
-    corner of the pinion that of the wheel. Gears 0 and 1 are pinion and wheel.
+    At the start of the path the tip corner of the wheel approaches the flank of the pinion, at its
+    end the corner of the pinion that of the wheel. Gears 0 and 1 are pinion and wheel.
     """
     sign, alpha = mesh.wheel.sign, mesh.working_pressure_angle
     radii = [gear.base_diameter / 2.0 for gear in (mesh.pinion, mesh.wheel)]
     centres, rates = (0.0, sign * mesh.centre_distance), (1.0, -sign * radii[0] / radii[1])
 
     def contact(position):
+        """Return the point of contact at a position on the path."""
         return (radii[0] + 1j * position) * cmath.exp(-1j * alpha)
 
     flank_gear, tip_gear = end, 1 - end
@@ -118,7 +128,7 @@ def test_corner_contact_opens_by_the_geometric_gap(mesh, end):
     turned = cmath.exp(1j * rates[tip_gear] * beyond / radii[0])
     corner = (contact(mesh.path[end]) - centres[tip_gear]) * turned + centres[tip_gear]
     corner -= centres[flank_gear]
-    # The point of the flank at the radius of the corner: where it touches, and where it is now.
+    # The gap is the arc between the corner and the point of the flank at the same radius.
     roll = math.sqrt(abs(corner) ** 2 - radii[flank_gear] ** 2)
     position = sign * (mesh.wheel_roll_length(0.0) - roll) if end else roll
     turn = cmath.exp(1j * rates[flank_gear] * (mesh.path[end] + beyond - position) / radii[0])
@@ -129,7 +139,7 @@ def test_corner_contact_opens_by_the_geometric_gap(mesh, end):
 
 BUMP = PathTable(tuple(np.linspace(*spur().path, 5)), (0.0, 0.0, 6e-6, 0.0, 0.0))
 RELIEF = TipRelief(amount=15e-6, length=2e-3)
-#: GearStage, torque and options.
+#: Stage, torque and options of each model.
 SLOW = {
     "spur": (spur(), 210.0, {}),
     "relieved": (spur(relief=RELIEF), 210.0, {"stiffness": "iso"}),
@@ -146,46 +156,48 @@ SLOW = {
 
 @pytest.mark.parametrize("name", SLOW)
 def test_slow_teeth_carry_their_static_share(name):
-    """The dynamic factor is 1, and the force of each pair that of the equilibrium."""
+    """At low speed the dynamic factor is 1 and each tooth pair carries its static force."""
     mesh, torque, options = SLOW[name]
     model = LoadSharingPair.from_geometry(mesh, torque=torque, damping_ratio=0.05, **options)
     point = duty_point(model, 1.0)
     assert point.dynamic_factor == pytest.approx(1.0, abs=0.01) and point.settled == 1
-    span = {
+    settings = {
         "periods": 3 * model.repeats,
         "record_periods": model.repeats,
         "samples_per_period": 300,
     }
-    run = simulate(model, model.slowest_tuning, **span)
-    static = tooth_pairs(mesh, 300, load=model.load, corners=True, **options)
-    expected = static.forces_under_loads([model.load]).force[0]
-    np.testing.assert_allclose(expected.sum(-1), model.load, rtol=1e-9)
+    run = simulate(model, model.slowest_tuning, **settings)
+    static_pairs = tooth_pairs(mesh, 300, load=model.load, corners=True, **options)
+    static_forces = static_pairs.forces_under_loads([model.load]).force[0]
+    np.testing.assert_allclose(static_forces.sum(-1), model.load, rtol=1e-9)
     forces = model.tooth_forces(run.phase, run.displacement)
-    np.testing.assert_allclose(forces, expected, atol=0.01 * model.load)
+    np.testing.assert_allclose(forces, static_forces, atol=0.01 * model.load)
 
 
 @pytest.mark.parametrize("helix_angle", [0.02, 0.3])
 def test_slices_across_the_face_excite_no_vibration(monkeypatch, helix_angle):
-    """With pitch errors and at a speed where slices come into mesh as fast as the gears ring."""
+    """More slices must not change the dynamic factor where slices enter at a natural frequency."""
     errors = tuple(np.random.default_rng(1).uniform(-2e-6, 2e-6, 19))
     mesh = spur(helix_angle=helix_angle)
     mesh = replace(mesh, pinion=replace(mesh.pinion, pitch_errors=errors))
 
     def factor():
+        """Return the dynamic factor with the present number of slices."""
         return duty_point(mesh, 600.0, torque=210.0, damping_ratio=0.05).dynamic_factor.item()
 
-    found = factor()
-    for name, more in (
+    usual_factor = factor()
+    for name, larger_number in (
         ("MIN_SLICES", 96),
         ("MIN_INTERVALS_PER_PITCH", 96),
         ("_MAX_SLICES_AT_PHASES", 1e7),
     ):
-        monkeypatch.setattr(load_sharing, name, more)
-    assert found == pytest.approx(factor(), abs=2e-3)
+        monkeypatch.setattr(load_sharing, name, larger_number)
+    assert usual_factor == pytest.approx(factor(), abs=2e-3)
 
 
 @pytest.mark.parametrize("tuning", [0.5, 0.93])
 def test_period_maps_match_difference_quotients(tuning):
+    """Compare the map of two periods with central differences of final states."""
     mesh = optimum_relief(replace(fzg_c(), backlash=3e-5), TORQUE / 2.0, length="long")
     propagator = LoadSharingPair.from_geometry(mesh, **OPTIONS).propagator(tuning)
     z, step = np.array([-0.3, 0.4]), 1e-6
@@ -193,34 +205,35 @@ def test_period_maps_match_difference_quotients(tuning):
     assert code == 0
 
     def end(z):
+        """Return the state after two periods."""
         return propagator.maps(z, 2, 1000)[0]
 
     columns = [(end(z + d) - end(z - d)) / 2.0 / step for d in step * np.eye(2)]
-    # Second derivatives by the step's square, first ones jump at events within it.
+    # Differences err by their step squared, and by jumps of the derivative at events.
     np.testing.assert_allclose(maps[1] @ maps[0], np.transpose(columns), atol=1e-4)
 
 
 def test_static_error_of_the_pair_matches_its_stage():
-    """At rest under the load it is F / C more than without, where it is minus the deviation."""
-    mesh, n = optimum_relief(fzg_c(), TORQUE / 2.0, length="long"), 65
+    """The loaded error exceeds the unloaded one, the deviation, by F / C."""
+    mesh, sample_count = optimum_relief(fzg_c(), TORQUE / 2.0, length="long"), 65
     model = LoadSharingPair.from_geometry(mesh, **ON_PATH, **OPTIONS)
-    other = model.at_load(phases=n, harmonics=n // 2)
-    static = mesh.transmission_error([0.0, TORQUE], phases=n)
+    pair_at_load = model.at_load(phases=sample_count, harmonics=sample_count // 2)
+    static = mesh.transmission_error([0.0, TORQUE], phases=sample_count)
     unloaded, loaded = static.transmission_error.values
-    stiffness = np.interp(static.phase, other.profile.phase, other.profile.stiffness)
+    stiffness = np.interp(static.phase, pair_at_load.profile.phase, pair_at_load.profile.stiffness)
     np.testing.assert_allclose(loaded - unloaded, model.load / stiffness, rtol=1e-9)
-    orders, cosines, sines = other.deviation.table().T
+    orders, cosines, sines = pair_at_load.deviation.table().T
     angles = np.outer(static.phase, orders)
     deviation = np.cos(angles) @ cosines + np.sin(angles) @ sines
     np.testing.assert_allclose(deviation, unloaded.mean() - unloaded, atol=1e-15)
-    assert other.load == model.load and np.ptp(unloaded) > 1e-6
+    assert pair_at_load.load == model.load and np.ptp(unloaded) > 1e-6
 
 
 @pytest.mark.parametrize(("backlash", "jams"), [(3e-6, True), (7e-6, True), (9e-6, False)])
 def test_teeth_too_thick_for_the_backlash_jam(backlash, jams):
-    """One tooth in three is 8 um too thick: no force of the coast side is left out."""
+    """A tooth that is 8 um too thick jams unless the backlash is larger."""
     stage = replace(fzg_c(), backlash=backlash)
-    # A constant stiffness of each pair of teeth, without a shared body.
+    # Each tooth pair has a constant stiffness and shares no body.
     model = LoadSharingPair(
         pair=GearPair.from_geometry(stage, **OPTIONS),
         stage=stage,
@@ -232,8 +245,8 @@ def test_teeth_too_thick_for_the_backlash_jam(backlash, jams):
     for record in (1, 9):
         run = simulate(model, 0.3, periods=9, record_periods=record)
         assert int(run.status) == (JAMMED if jams else 0)
-    # The thick tooth touches at -8 um under a light load: beyond the coast side.
-    loose = replace(model, stage=fzg_c(), pair=model.pair.replace(backlash=FAR))
-    run = simulate(loose, 0.3, periods=9, record_periods=9)
+    # With a large backlash the thick tooth touches at -8 um, which is beyond a small backlash.
+    loose_pair = replace(model, stage=fzg_c(), pair=model.pair.replace(backlash=FAR))
+    run = simulate(loose_pair, 0.3, periods=9, record_periods=9)
     deepest = float(run.displacement_min) * model.static_deflection
     assert (deepest < -backlash) == jams

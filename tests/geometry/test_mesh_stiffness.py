@@ -13,13 +13,14 @@ from tests.geometry.stages import fzg_c, gears_of_20_teeth, iso_example, ring, s
 
 
 def compliance_by_quadrature(tooth, phi):
-    """Return the compliance of a tooth under a force at the roll angle `phi` of its flank."""
+    """Integrate the strain energy of a tooth loaded at the roll angle `phi` of its flank."""
     gear, sign = tooth.gear, tooth.sign
     material = gear.material
     shear = material.young / 2.0 / (1.0 + material.poisson)
     x_f, y_f, b = tooth.flank(phi)
 
     def integrand(x, y):
+        """Return the energies of bending, shear and compression per length for a unit force."""
         area, inertia = 2.0 * x * tooth.width, 2.0 / 3.0 * x**3 * tooth.width
         moment = math.cos(b) * sign * (y_f - y) - x_f * math.sin(b)
         return (
@@ -29,17 +30,19 @@ def compliance_by_quadrature(tooth, phi):
         )
 
     def half(radius):
-        """Return half the thickness and y on the flank, by the thickness of ISO 21771."""
+        """Return half the thickness and the height on the flank, by the thickness of ISO 21771."""
         angle = gear.thickness_at(2.0 * radius) / (2.0 * radius)
         return radius * math.sin(angle), radius * math.cos(angle)
 
     def on_flank(radius):
+        """Return the integrand over the radius of the involute."""
         step = 1e-6 * radius
         x, y = half(radius)
         slope = (half(radius + step)[1] - half(radius - step)[1]) / 2.0 / step
         return integrand(x, y) * slope
 
     def on_fillet(gamma):
+        """Return the integrand over the parameter of the fillet."""
         step = 1e-6
         slope = (tooth.fillet(gamma + step)[1] - tooth.fillet(gamma - step)[1]) / 2.0 / step
         return integrand(*tooth.fillet(gamma)[:2]) * abs(slope)
@@ -57,39 +60,40 @@ def test_tooth_compliance_matches_quadrature_of_the_strain_energy(mesh):
         rolls = (position, mesh.wheel_roll_length(position))
         for gear, roll in zip((mesh.pinion, mesh.wheel), rolls, strict=True):
             if roll < gear.form_roll_length:
-                continue  # the ring's tip reaches 0.03 modules into the fillet
+                # The tip of the ring gear reaches 0.03 modules into the fillet.
+                continue
             tooth = Tooth(gear, mesh.width)
             phi = roll / tooth.base_radius
-            # Slopes by differences have 8 digits.
+            # Slopes by differences are accurate to 8 digits.
             expected = compliance_by_quadrature(tooth, phi)
             assert tooth.compliance(phi) == pytest.approx(expected, rel=1e-7)
 
 
 def test_hertzian_deflection_is_logarithmic_in_the_load():
-    """Weber & Banaschek, equal gears at the pitch point.
+    """Compare the contact compliance of equal gears at the pitch point with Weber & Banaschek.
 
-    4 (1 - nu^2) / (pi E b) (ln(2 h / a) - nu / (2 (1 - nu))), with half the width of contact by
-    a^2 = 8 F rho (1 - nu^2) / (pi E b), rho = r_b tan / 2.
+    It is 4 (1 - nu^2) / (pi E b) (ln(2 h / a) - nu / (2 (1 - nu))), with half the width of contact
+    by a^2 = 8 F rho (1 - nu^2) / (pi E b) and rho = r_b tan(alpha) / 2.
     """
     mesh = gears_of_20_teeth()
-    force, soft = 5000.0, 0.91 / (math.pi * 200e9 * 0.03)
-    a = math.sqrt(8.0 * force * mesh.pitch_point / 2.0 * soft)
+    force, plane_strain_compliance = 5000.0, 0.91 / (math.pi * 200e9 * 0.03)
+    a = math.sqrt(8.0 * force * mesh.pitch_point / 2.0 * plane_strain_compliance)
     x, _, b = Tooth(mesh.pinion, 0.03).flank(math.tan(math.radians(20.0)))
-    law = 4.0 * soft * (math.log(2.0 * x / math.cos(b) / a) - 0.3 / 1.4)
+    closed_form = 4.0 * plane_strain_compliance * (math.log(2.0 * x / math.cos(b) / a) - 0.3 / 1.4)
     pair = PairCompliance(mesh, "logarithmic")
-    found = pair.contact_compliance(np.array([mesh.pitch_point]), force)
-    np.testing.assert_allclose(found, law, rtol=1e-12)
+    compliance = pair.contact_compliance(np.array([mesh.pitch_point]), force)
+    np.testing.assert_allclose(compliance, closed_form, rtol=1e-12)
 
 
 def spur_stiffness(mesh, pitches, method):
-    """Return the stiffness of a mesh as if spur, at base pitches behind the path's start."""
+    """Return the spur-gear stiffness of a mesh at positions in base pitches from the path start."""
     pitches, fewer_pairs = np.mod(pitches, 1.0), math.floor(mesh.contact_ratio)
-    more = pitches < mesh.contact_ratio - fewer_pairs
+    has_more_pairs = pitches < mesh.contact_ratio - fewer_pairs
     if method == "iso":
         single = iso_stiffness(mesh).single * 1e9 * mesh.width
-        return single * (0.25 + 0.75 * np.where(more, fewer_pairs + 1, fewer_pairs))
+        return single * (0.25 + 0.75 * np.where(has_more_pairs, fewer_pairs + 1, fewer_pairs))
     stiffness = np.empty(pitches.shape)
-    for mask, count in ((more, fewer_pairs + 1), (~more, fewer_pairs)):
+    for mask, count in ((has_more_pairs, fewer_pairs + 1), (~has_more_pairs, fewer_pairs)):
         stiffness[mask] = energy_stiffness(mesh, pitches[mask], count)
     return stiffness
 
@@ -97,39 +101,45 @@ def spur_stiffness(mesh, pitches, method):
 @pytest.mark.parametrize("width", [0.02, 0.25])
 @pytest.mark.parametrize(
     ("method", "slices", "accuracy"),
-    # Each step of the stiffness leaves one slice in error; between 64 samples there are lines.
+    # Each step of the stiffness costs the error of one slice; 64 samples are joined by lines.
     [("iso", 200_000, 2e-5), ("energy", 2000, 2e-4)],
 )
 def test_helical_stiffness_is_the_average_over_the_face(method, slices, accuracy, width):
+    """Average the spur-gear stiffness of many slices of the face."""
     mesh = iso_example(width=width)
-    found = mesh.stiffness(method)
-    phases, stiffnesses = np.array([found.profile.phase, found.profile.stiffness])
+    stiffness_of_stage = mesh.stiffness(method)
+    phases, stiffnesses = np.array(
+        [stiffness_of_stage.profile.phase, stiffness_of_stage.profile.stiffness]
+    )
     middles = (np.arange(slices) + 0.5) / slices - 0.5
-    chosen = slice(None, None, max(phases.size // 6, 1))
-    for phase, value in zip(phases[chosen], stiffnesses[chosen], strict=True):
+    selected_phases = slice(None, None, max(phases.size // 6, 1))
+    for phase, value in zip(phases[selected_phases], stiffnesses[selected_phases], strict=True):
         pitches = phase / math.tau + (mesh.contact_ratio - 1.0) / 2.0
         mean = spur_stiffness(mesh, pitches + mesh.overlap_ratio * middles, method).mean()
         assert value == pytest.approx(mean, rel=accuracy)
     assert phases.size == 4 or method == "energy"
     # The rectangle has the extrema and the mean of the table.
-    assert [*found.ratios().values()] == pytest.approx(found.profile.ratios(), rel=1e-9)
+    assert [*stiffness_of_stage.ratios().values()] == pytest.approx(
+        stiffness_of_stage.profile.ratios(), rel=1e-9
+    )
 
 
 def test_below_a_contact_ratio_of_1_a_slice_has_one_pair_or_none():
     mesh = short_teeth()
     pitches = mesh.contact_ratio * (np.arange(1000) + 0.5) / 1000
     mean = mesh.contact_ratio * energy_stiffness(mesh, pitches, 1).mean()
-    # Between 64 samples there are lines.
+    # The 64 samples are joined by straight lines.
     assert mesh.stiffness("energy").mean_stiffness == pytest.approx(mean, rel=1e-4)
     with pytest.raises(ValueError, match=r"^contact_ratio = 0\.82.* >= 1 .* ISO 6336-1"):
         mesh.stiffness("iso")
 
 
 def test_a_pair_from_a_stage_keeps_load_and_damping():
-    """docs/worked_example.md prints what a pair has by its torque and damping ratio."""
+    """Check load, damping and backlash of pairs; docs/worked_example.md prints some of them."""
     mesh = fzg_c()
 
     def pair(**options):
+        """Return the pair of the stage with given load and damping."""
         return GearPair.from_geometry(mesh, **options)
 
     power = 302.0 * 2000.0 * 2.0 * math.pi / 60.0
@@ -160,7 +170,7 @@ def test_a_pair_from_a_stage_keeps_load_and_damping():
 def test_compliance_coupling_through_the_body_matches_finite_elements(
     teeth, module, bores, expected, without_twist
 ):
-    """The ratio of the stiffness of one and of two pairs, against a finite-element computation."""
+    """Compare the ratio of the stiffness of one and of two pairs with finite elements."""
     gears = (
         SpurGear(teeth=z, module=module, width=0.02, bore=bore)
         for z, bore in zip(teeth, bores, strict=True)
@@ -168,31 +178,32 @@ def test_compliance_coupling_through_the_body_matches_finite_elements(
     mesh = GearStage(*gears)
     stiffness = mesh_stiffness(mesh, "energy", coupling=None)
     assert stiffness.stiffness_ratio == pytest.approx(expected, abs=0.002)
-    # Without the twist the beam model of the tooth, too compliant, has more weight.
+    # The beam model of the tooth is too compliant, which matters more without the twist.
     rigid = mesh_stiffness(mesh, "energy", coupling=None, twist=False)
     assert without_twist - 0.025 < rigid.stiffness_ratio < without_twist
-    # Twist is a spring in series.
-    added = 1.0 / stiffness.max_stiffness - 1.0 / rigid.max_stiffness
-    single = 1.0 / stiffness.max_stiffness / stiffness.stiffness_ratio
-    single -= 1.0 / rigid.max_stiffness / rigid.stiffness_ratio
-    assert single == pytest.approx(added, rel=1e-3)
+    # Twist is a spring in series, which adds the same compliance to one pair and to two.
+    added_to_two_pairs = 1.0 / stiffness.max_stiffness - 1.0 / rigid.max_stiffness
+    added_to_one_pair = 1.0 / stiffness.max_stiffness / stiffness.stiffness_ratio
+    added_to_one_pair -= 1.0 / rigid.max_stiffness / rigid.stiffness_ratio
+    assert added_to_one_pair == pytest.approx(added_to_two_pairs, rel=1e-3)
 
 
 def test_coupling_of_tooth_pairs_decreases_with_their_distance():
     pair = PairCompliance(short_teeth())
     near, far = pair.shared_compliances(3)
     assert 0.0 < far < near
+    # The coupling cannot exceed the compliance of the bodies themselves.
     ends = pair.body_compliances(np.array(short_teeth().path))
     assert near <= ends.min(axis=1).sum() * (1.0 + 1e-12)
 
 
 def test_torsional_compliances_of_both_gears_add_up():
     gears = [SpurGear(teeth=z, module=3e-3, width=0.02, bore=b) for z, b in ((30, 0.03), (40, 0.0))]
-    pinion, none, wheel, both = (
+    pinion, without_twist, wheel, with_both = (
         mesh_stiffness(GearStage(*gears), "energy", twist=twist).mean_stiffness
         for twist in ((True, False), (False, False), (False, True), True)
     )
     # The wheel has no bore about which it could twist.
-    assert pinion == both < none == wheel
+    assert pinion == with_both < without_twist == wheel
     with pytest.raises(ValueError, match="^twist = .* must be one of False, True, or two of them"):
         mesh_stiffness(GearStage(*gears), "energy", twist=(True,))

@@ -1,4 +1,4 @@
-"""Phases and friction of trains against teeth placed one by one, under every name, mirrored."""
+"""Phases and friction of trains against teeth placed one by one, whatever the names."""
 
 import dataclasses
 import math
@@ -22,16 +22,16 @@ def gear_of(gear):
 
 
 def stage_of(gears, mesh):
-    """Return the `gearlib.geometry.GearStage` of a mesh of a `Machine`, a ring gear as the
-    wheel."""
+    """Return the `GearStage` of a mesh of a `Machine`, with a ring gear as the wheel."""
     names = sorted(mesh[:2], key=lambda name: gears[name].internal)
     return GearStage(*(gear_of(gears[name]) for name in names), mesh[2])
 
 
 def random_machine(rng):
-    """Return (gears, meshes, shafts, sense): a tree of meshes, driven either way, and shafts."""
+    """Return (gears, meshes, shafts, sense) of a random tree of meshes and shafts."""
 
     def external():
+        """Return a random external gear."""
         return Gear(int(rng.integers(19, 46)), float(rng.choice([0.0, rng.uniform(0.0, 0.5)])))
 
     gears, meshes, shafts = {"g0": external()}, [], []
@@ -53,7 +53,8 @@ def random_machine(rng):
             centre_distance = axis_distance(gears[name], new_gear, rng.uniform(0.0, 0.03))
             stage_of(gears | {new_name: new_gear}, (name, new_name, centre_distance))
         except ValueError:
-            continue  # such teeth interfere
+            # Teeth of these gears would interfere.
+            continue
         gears[new_name] = new_gear
         ends = (name, new_name) if rng.random() < 0.5 else (new_name, name)
         meshes.append((*ends, centre_distance, float(rng.uniform(-3.0, 7.0))))
@@ -67,14 +68,14 @@ def train_of(machine, rng):
         ring = next((name for name in (driver, driven) if gears[name].internal), None)
         direction = 1 if machine.speed[driver] > 0 else -1
         pinion = driver if rng.random() < 0.5 else driven
-        #: from whose axis the position of the mesh is seen
+        # The position of the mesh is seen from the axis of this gear.
         centre = pinion
         if ring:
             centre, pinion = ring, (driven if ring == driver else driver)
-            # A ring gear is pressed backwards by what drives it.
+            # A ring gear is pressed in the opposite direction by its driver.
             direction = direction if ring == driver else -direction
         wheel = driven if pinion == driver else driver
-        # Where nothing is said the pinion of the first mesh drives.
+        # By default the pinion of the first mesh drives.
         names_driver = rng.random() < 0.5 or (i == 0 and pinion != driver)
         fields = {"name": f"mesh {i}", "direction": direction}
         fields["position"] = angle if centre == driver else angle + math.pi
@@ -90,13 +91,13 @@ def train_of(machine, rng):
 
 
 def phase_difference(phases, others, period=1.0):
-    """Return the largest difference of phases, as a fraction of their period."""
+    """Return the largest difference of phases, modulo their period and as a fraction of it."""
     differences = (np.asarray(phases, float) - np.asarray(others, float)) / period
     return np.abs(differences - np.round(differences)).max()
 
 
 def assert_same_phases(train, machine):
-    """Assert that phases and speeds of a train are those of the `Machine`, mesh by mesh."""
+    """Assert that phases and speeds of a train match those of the `Machine`, mesh by mesh."""
     drive, coast = ([machine.phase(mesh, side) for mesh in machine.meshes] for side in (0, 1))
     assert phase_difference([*train.phases.values()], drive) < 1e-9
     assert phase_difference([*train.coast_phases.values()], coast) < 1e-9
@@ -107,11 +108,10 @@ def assert_same_phases(train, machine):
 
 
 def assert_friction_opposes_sliding(train, machine, rng):
-    """Assert that friction, as `tests.independent` has it, opposes the sliding of the teeth.
+    """Assert that friction in the system of `tests.independent` opposes the sliding of teeth.
 
-    A contact of the independent system has the row `across`, along which friction acts on its
-    bodies, and two sides with `friction`, their coefficient, and `turns`, the phase at which
-    sliding changes its sign.
+    A contact of this system has the row `across`, along which friction acts on its bodies. Its two
+    sides have the coefficient `friction` and the phase `turns` at which sliding changes its sign.
     """
     meshes = [dataclasses.replace(m, friction=(0.05, 0.08), backlash=1e-5) for m in train.meshes]
     supported = {"mass": 1.0, "support_stiffness": 1e8}
@@ -123,26 +123,27 @@ def assert_friction_opposes_sliding(train, machine, rng):
         for side, code in zip(contact["sides"], (1, -1), strict=True):
             flanks = Flanks(machine, mesh, code < 0)
             begin, pitch, end = machine.contact_times(mesh, code < 0)
-            # The pair of teeth that is nearest to the pitch point decides the sign.
+            # The tooth pair that is nearest to the pitch point decides on the sign.
             for time in rng.uniform(max(begin, pitch - 0.5), min(end, pitch + 0.5), 6):
                 turn = time * math.copysign(machine.gears[driver].pitch, machine.speed[driver])
                 slip = flanks.slip(flanks.point(0, machine.tooth_angles[driver] + turn))
                 direction = equations.sense(1, side["turns"], math.tau * time)
-                # Force on the driver over the normal force: its distance has the sign of its code.
+                # This is the friction force on the driver, divided by the normal force.
                 x, y = -code * side["friction"] * direction * (rows @ contact["across"])
-                # On the coast side the model keeps the line of action of the drive side.
+                # The model uses the line of action of the drive side on the coast side, too.
                 least = 0.999 * math.hypot(x, y) * abs(slip) if code > 0 else 0.0
                 assert math.hypot(x, y) == pytest.approx(abs(side["friction"]), rel=1e-9)
                 assert x * slip.real + y * slip.imag <= -least
 
 
 def exchanged(meshes):
-    """Return the meshes of a `Machine` with the driven gears driving."""
+    """Return the meshes of a `Machine` with driving and driven gears exchanged."""
     return [(b, a, distance, angle + math.pi) for a, b, distance, angle in meshes]
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_mesh_phases_match_teeth_placed_one_by_one(seed):
+    """Compare phases and friction of random trains, mirrored and reversed, with their teeth."""
     rng = np.random.default_rng(seed)
     gears, meshes, shafts, sense = random_machine(rng)
     machine = Machine(gears, meshes, shafts, sense)
@@ -151,13 +152,13 @@ def test_mesh_phases_match_teeth_placed_one_by_one(seed):
     assert_friction_opposes_sliding(train, machine, rng)
     lines = [dataclasses.replace(m, position=None, line_of_action=m.line) for m in train.meshes]
     assert train.replace(meshes=lines).phases == pytest.approx(train.phases, abs=1e-12)
-    # The phases are those of the machine whichever gears are called pinions, and in a mirror.
+    # Names of pinion and wheel and reflection in a mirror must not change the phases.
     assert train_of(machine, rng).phases == pytest.approx(train.phases, abs=1e-12)
     mirrored_meshes = [(*mesh[:3], -mesh[3]) for mesh in meshes]
     mirrored_shafts = [(*shaft[:2], -shaft[2]) for shaft in shafts]
     mirrored = Machine(gears, mirrored_meshes, mirrored_shafts, -sense)
     assert train_of(mirrored, rng).phases == pytest.approx(train.phases, abs=1e-12)
-    # Driven backwards by the same flanks, it has the opposite phases.
+    # If the train runs backwards on the same flanks, phases have the opposite sign.
     turned = math.copysign(1.0, machine.speed[meshes[0][1]])
     reverse = train_of(Machine(gears, exchanged(meshes), shafts, -turned), rng)
     for name in ("phases", "coast_phases"):
@@ -177,7 +178,8 @@ SETS = {
 
 @pytest.mark.parametrize("driving", ["sun", "ring"])
 @pytest.mark.parametrize("name", SETS)
-def test_phases_of_a_planetary_set_match_parkers_formulas_for_either_drive(name, driving):
+def test_phases_of_a_planetary_set_match_its_teeth_for_sun_and_ring_drive(name, driving):
+    """Compare phases and friction of planetary sets with teeth placed one by one."""
     teeth, shifts, positions = SETS[name]
     sun, planet, ring = map(Gear, teeth, shifts, (False, False, True))
     distance = axis_distance(sun, planet)
@@ -203,10 +205,10 @@ FLANK = {"max_stiffness": 4e8, "stiffness_ratio": 0.6, "contact_ratio": 1.6}
 
 
 def two_stages(teeth, angles=(0.0, 0.0), sense=1, keying=None, **more):
-    """Return the train of meshes a-b and c-d, wheel b and pinion c keyed to one shaft.
+    """Return the train of meshes a-b and c-d, with wheel b and pinion c keyed to one shaft.
 
-    `angles` are those of the lines of centres; with the sense 1 gear a turns counterclockwise;
-    `keying` is the angle by which c is ahead of b.
+    `angles` are the directions of the lines of centres. With the sense 1 gear a rotates
+    counterclockwise. `keying` is the angle by which c is ahead of b.
     """
     bodies = [
         Body(name=name, teeth=z, inertia=1e-3, base_radius=2e-3 * z)
@@ -223,7 +225,7 @@ def two_stages(teeth, angles=(0.0, 0.0), sense=1, keying=None, **more):
 
 def test_keyings_add_up_through_a_body_without_teeth():
     train = two_stages((24, 36, 24, 36), keying=0.1)
-    # The angles may be given from either end.
+    # Keyings may be given from either end of a shaft: 0.3 - 0.2 = 0.1.
     shafts = [
         Shaft(bodies=("b", "flywheel"), stiffness=1e6, keying=0.3),
         Shaft(bodies=("c", "flywheel"), stiffness=1e6, keying=0.2),
@@ -239,7 +241,7 @@ def test_mirrored_trains_break_a_tie_between_two_teeth_alike():
     train = two_stages(teeth, angles, pitch_phase=pitch_phase)
     mirrored = two_stages(teeth, [-x for x in angles], sense=-1, pitch_phase=pitch_phase)
     assert mirrored.phases == pytest.approx(train.phases, abs=1e-12)
-    # The tooth half a pitch to the counterclockwise side counts, where the drive-side flanks are.
+    # The tooth half a pitch to the counterclockwise side, with its drive flanks, counts.
     turned = 36 * (0.3 + math.pi) / math.tau + 0.5
     pitches_behind = 20 * 1.1 / math.tau - turned * 20 / 36 + 0.25
     expected = -pitches_behind - pitch_phase / math.tau
@@ -247,7 +249,7 @@ def test_mirrored_trains_break_a_tie_between_two_teeth_alike():
 
 
 def test_a_keying_that_contradicts_a_closed_loop_is_refused():
-    """Two branches, each with a shaft, at an angle at which keyings of 0 exclude each other."""
+    """Keyings of 0 on both shafts contradict each other at this angle between two branches."""
     pair = gearlib.GearPair(**FLANK, reduced_mass=3.0, load=3e3, backlash=4e-5)
     train = gearlib.split_power_reducer(pair, branches=2, teeth=(24, 36, 24, 36))
     angles = (0.0, math.tau / 3 + 0.05, math.pi, math.pi + math.tau / 3 + 0.05)
@@ -257,6 +259,7 @@ def test_a_keying_that_contradicts_a_closed_loop_is_refused():
     ]
 
     def phases(*keyings):
+        """Return the phases of the train with given keyings of its shafts."""
         shafts = [
             dataclasses.replace(shaft, keying=keying)
             for shaft, keying in zip(train.shafts, keyings, strict=True)
@@ -267,12 +270,12 @@ def test_a_keying_that_contradicts_a_closed_loop_is_refused():
         phases(0.0, 0.0)
     demanded = float(str(refusal.value).split("must be ")[1].split(",")[0])
     assert phases(0.0, demanded) == pytest.approx(phases(None, None), abs=1e-7)
-    # With a keying in the second branch alone the phases of the first branch follow.
+    # A keying of the second shaft alone determines the phases of the first branch.
     assert phases(None, 0.0) != phases(None, None)
 
 
 def test_a_prescribed_mesh_phase_decouples_both_sides_of_the_mesh():
-    """Beyond a mesh whose phase is given no tooth is known; a given first phase shifts all."""
+    """Teeth behind a mesh of prescribed phase are unknown; a phase of the first mesh shifts all."""
     bodies = [Body(name=name, teeth=24, inertia=1e-3, base_radius=0.045) for name in "abcd"]
     meshes = [
         gearlib.Mesh(pinion=a, wheel=b, position=0.3 * i * i, direction=(-1) ** i, **FLANK)
@@ -280,28 +283,30 @@ def test_a_prescribed_mesh_phase_decouples_both_sides_of_the_mesh():
     ]
     train = GearTrain(bodies=bodies, meshes=meshes)
 
-    def given(**phases):
+    def phases_of(**phases):
+        """Return the phases of the train with phases prescribed by name of the pinion."""
         with_phases = [dataclasses.replace(m, phase=phases.get(m.pinion)) for m in meshes]
         return list(train.replace(meshes=with_phases).phases.values())
 
-    free = given()
+    free = phases_of()
     assert 0.0 not in free[1:]
-    assert given(a=0.2) == pytest.approx([(g + 0.2) % 1.0 for g in free], abs=1e-12)
-    assert given(b=0.35) == pytest.approx([0.0, 0.35, 0.0], abs=1e-12)
-    assert given(a=0.2, b=0.35, c=1.6) == pytest.approx([0.2, 0.35, 0.6], abs=1e-12)
-    # Without a thickness the coast side has the phase of the drive side, unless it is given.
+    assert phases_of(a=0.2) == pytest.approx([(g + 0.2) % 1.0 for g in free], abs=1e-12)
+    assert phases_of(b=0.35) == pytest.approx([0.0, 0.35, 0.0], abs=1e-12)
+    assert phases_of(a=0.2, b=0.35, c=1.6) == pytest.approx([0.2, 0.35, 0.6], abs=1e-12)
+    # Without tooth thicknesses both sides have equal phases unless one is prescribed.
     coast = train.replace(meshes=[dataclasses.replace(meshes[0], coast_phase=1.25), *meshes[1:]])
     assert coast.coast_phases == train.phases | {"a-b": 0.25}
 
 
-def test_the_driving_gear_of_the_reference_mesh_sets_all_drive_sides():
+def test_the_driving_gear_of_one_mesh_sets_all_directions():
+    """If the wheel of any mesh drives, all speeds and pitch phases change their sign."""
     train = two_stages((24, 36, 20, 40), pitch_phase=0.7)
     first, second = (dataclasses.replace(mesh, driving=mesh.wheel) for mesh in train.meshes)
     backwards = train.replace(meshes=[first, second])
     in_frame = train.speeds.in_frame
     assert backwards.speeds.in_frame == {name: -speed for name, speed in in_frame.items()}
     assert backwards.pitch_phases == {"a-b": -0.7, "c-d": -0.7}
-    # The driving gear of the second mesh is enough.
+    # It is enough to name the driving gear of the second mesh.
     assert train.replace(meshes=[train.meshes[0], second]).phases == backwards.phases
     refusal = "driving of mesh c-d = '{}' is not allowed: it must be {}"
     with pytest.raises(ValueError, match=refusal.format("c", "'d'")):

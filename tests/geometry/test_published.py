@@ -1,7 +1,8 @@
 """Geometry, stiffness and K_v against printed results, to their printed digits.
 
-KISSsoft 2017: its reports on the gearbox of the NREL 5 MW wind turbine, in the public repository
-gfsReboucas/Drivetrain. ROSS: tests of petrobras/ross. More on docs/validation_geometry.md.
+Results of KISSsoft 2017 are from its reports on the gearbox of the NREL 5 MW wind turbine, in the
+public repository gfsReboucas/Drivetrain. Results of ROSS are from the tests of petrobras/ross. See
+docs/validation_geometry.md.
 Shifts are printed to four digits, so the fifth digit of a length in mm is open.
 """
 
@@ -22,7 +23,11 @@ BLANK = 1.0 + math.log(0.25) / (5.0 * math.exp(0.7))
 
 
 def third_stage(allowances=(0.0, 0.0), distance=0.861, **changes):
-    """Return the helical pair of the gearbox of the NREL 5 MW wind turbine."""
+    """Return the helical stage of the gearbox of the NREL 5 MW wind turbine.
+
+    `allowances` are the tooth thickness allowances of pinion and wheel, m; `changes` are fields of
+    both gears.
+    """
     numbers = ((24, 0.48, 0.380747, 0.1791), (95, 0.6691, 1.395376, 1.19332))
     pinion, wheel = (
         SpurGear(teeth=z, shift=x, tip_diameter=tip, bore=bore, thickness_allowance=allowance,
@@ -33,7 +38,7 @@ def third_stage(allowances=(0.0, 0.0), distance=0.861, **changes):
 
 
 def third_stage_with_web(**changes):
-    """Return the same pair, the wheel with a web and without a bore."""
+    """Return the helical stage with a web and without a bore in the wheel."""
     mesh = third_stage(**changes)
     rim = mesh.wheel.root_diameter - 10.0 * 14e-3
     web = Web(thickness=0.09, rim_diameter=rim, hub_diameter=0.5)
@@ -50,46 +55,47 @@ def planetary_meshes():
 
 
 def test_example_1_of_the_standard_is_reproduced():
-    """ISO/TR 6336-30:2017, 9 kN m, 360 rpm, class 5, C_a 70 um."""
+    """Compare with the printed results of ISO/TR 6336-30:2017: 9 kN m, 360 rpm, class 5."""
     mesh = iso_example(quality=5)
     assert mesh.tangential_force(9000.0) == pytest.approx(127352.0, abs=0.5)
     assert mesh.pitch_line_velocity(360.0) == pytest.approx(2.664, abs=5e-4)
     assert mesh.contact_ratio == pytest.approx(1.54909, abs=5e-6)
-    found = iso_stiffness(mesh, torque=9000.0)
-    assert found.virtual_teeth == pytest.approx((18.905, 114.543), abs=5e-4)
-    assert found.rack_factor == pytest.approx(0.9, rel=1e-12)
-    stiffnesses = found.theoretical, found.single, found.mean
+    stiffness = iso_stiffness(mesh, torque=9000.0)
+    assert stiffness.virtual_teeth == pytest.approx((18.905, 114.543), abs=5e-4)
+    assert stiffness.rack_factor == pytest.approx(0.9, rel=1e-12)
+    stiffnesses = stiffness.theoretical, stiffness.single, stiffness.mean
     assert stiffnesses == pytest.approx((17.85584, 12.37047, 17.46485), abs=5e-6)
-    # Its deviations are of ISO 1328-1:1995, by its formulas 9.5 and 12 um of the wheel.
+    # The example takes deviations from ISO 1328-1:1995, whose formulas give 9.5 and 12 um.
     for deviations in ({}, {"pitch_deviation": 9.5e-6, "form_deviation": 12e-6}):
-        load = dynamic_factor(mesh, 9000.0, 360.0, tip_relief=70e-6, **deviations)
-        assert round(load.factor, 3) == 1.003
+        result = dynamic_factor(mesh, 9000.0, 360.0, tip_relief=70e-6, **deviations)
+        assert round(result.factor, 3) == 1.003
 
 
 def form_diameter(gear):
+    """Return the root form diameter of a gear in mm."""
     return 2e3 * math.hypot(gear.form_roll_length, gear.base_diameter / 2.0)
 
 
 def test_form_diameters_match_published_values():
-    """Root form diameters d_Ff of KISSsoft, mm; the rack tip is round in its normal section."""
+    """Compare with root form diameters d_Ff of KISSsoft, mm; normal sections have round tips."""
     mesh = third_stage()
     assert form_diameter(mesh.pinion) == pytest.approx(328.991, abs=1e-3)
     assert form_diameter(mesh.wheel) == pytest.approx(1341.487, abs=1e-3)
     inner, outer = planetary_meshes()
     assert form_diameter(inner.pinion) == pytest.approx(825.979, abs=1e-3)
-    # Half a unit of the fourth digit of x moves the flank by 4 um.
+    # Half a unit of the fourth digit of the shift moves the flank by 4 um.
     assert form_diameter(outer.pinion) == pytest.approx(748.795, abs=5e-3)
 
 
 def test_the_fillet_of_a_helical_gear_is_generated_by_its_rack():
-    """Points of the rack's tip, carried along by the rolling of the rack, never cut the fillet."""
+    """Points of the rack's round tip must touch the fillet as the rack rolls, and never cut it."""
     gear = third_stage().pinion
     tooth, beta = Tooth(gear, gear.width), gear.helix_angle
     rolling, module = gear.reference_diameter / 2.0, gear.module
     round_off = gear.fillet_radius
     below = gear.rack.dedendum * module - round_off
     alpha = gear.pressure_angle
-    # Centre of the round in the normal section, from the middle of the tooth of the gear.
+    # The centre of the round tip, in the normal section, is at this distance from the tooth centre.
     side = math.pi / 4.0 * module + below * math.tan(alpha) + round_off / math.cos(alpha)
     around = np.linspace(alpha, math.pi / 2.0, 400)
     across = (side - round_off * np.cos(around)) / math.cos(beta)
@@ -100,9 +106,11 @@ def test_the_fillet_of_a_helical_gear_is_generated_by_its_rack():
     swept = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
     for gamma in np.linspace(gear.transverse_pressure_angle + 1e-3, 1.55, 7):
         at_x, at_y, _ = tooth.fillet(gamma)
-        # The curve of each point of the rack comes to the fillet, and stays outside the tooth.
+        # The curves of the rack's points must reach the fillet and stay outside the tooth. The
+        # tolerance
+        # is the distance of neighbouring points and angles.
         distance = np.hypot(swept[0] - at_x, swept[1] - at_y).min()
-        assert distance < 1e-3 * module  # the mesh of points and turns
+        assert distance < 1e-3 * module
     fine = tooth.fillet(np.linspace(gear.transverse_pressure_angle, math.pi / 2.0, 2000))
     inside = np.interp(swept[1], fine[1][::-1], fine[0][::-1], left=np.nan, right=np.nan)
     assert np.nanmin(swept[0] - inside) > -1e-5 * module
@@ -113,41 +121,41 @@ def test_the_fillet_of_a_helical_gear_is_generated_by_its_rack():
     [((-130e-6, -240e-6), -28e-6, 0.359), ((-190e-6, -340e-6), 28e-6, 0.571)],
 )
 def test_backlash_of_toleranced_gears_matches_published_values(allowances, shifted, expected):
-    """Circumferential backlash j_tw on the working circle, mm."""
+    """Compare with the circumferential backlash j_tw of KISSsoft on the working circle, mm."""
     mesh = third_stage(allowances, 0.861 + shifted)
-    found = 1e3 * mesh.line_backlash / math.cos(mesh.working_pressure_angle)
-    assert found == pytest.approx(expected, abs=5e-4)
+    backlash = 1e3 * mesh.line_backlash / math.cos(mesh.working_pressure_angle)
+    assert backlash == pytest.approx(expected, abs=5e-4)
 
 
 def test_stiffness_after_iso_6336_matches_published_values():
-    """c', c_gamma_alpha of a helical pair with webs, and of a planet with sun and ring."""
-    found = iso_stiffness(third_stage_with_web())
-    assert found.blank_factor == pytest.approx(0.898, abs=5e-4)
-    assert (found.single, found.mean) == pytest.approx((13.832, 18.632), abs=5e-4)
+    """Compare c' and c_gamma_alpha of a pair with web and of planetary meshes with KISSsoft."""
+    result = iso_stiffness(third_stage_with_web())
+    assert result.blank_factor == pytest.approx(0.898, abs=5e-4)
+    assert (result.single, result.mean) == pytest.approx((13.832, 18.632), abs=5e-4)
     printed = (12.362, 13.426), (13.289, 16.063)
     for mesh, (single, mean) in zip(planetary_meshes(), printed, strict=True):
-        found = iso_stiffness(mesh)
-        assert found.single * BLANK == pytest.approx(single, abs=5e-4)
-        # With eps_alpha of rounded shifts.
-        assert found.mean * BLANK == pytest.approx(mean, abs=1e-3)
-    # Of equal numbers of teeth the larger shift counts as the first gear.
+        result = iso_stiffness(mesh)
+        assert result.single * BLANK == pytest.approx(single, abs=5e-4)
+        # The contact ratio follows from rounded shifts.
+        assert result.mean * BLANK == pytest.approx(mean, abs=1e-3)
+    # If tooth numbers are equal, the gear with the larger shift counts as the first.
     equal = [SpurGear(teeth=30, module=3e-3, width=0.02, shift=x) for x in (0.4, 0.1)]
     assert iso_stiffness(GearStage(*equal)) == iso_stiffness(GearStage(*equal[::-1]))
 
 
 def test_the_dynamic_factor_ignores_relief_from_accuracy_class_6_on():
-    """Grade 6: K_v 1.092 at N 0.410, with a relief of 2 um by running in; if it counted, 1.091."""
+    """KISSsoft has K_v = 1.092 in class 6; relief of 2 um, as in class 5, would make it 1.091."""
     load = {"pitch_deviation": 17e-6, "form_deviation": 22e-6, "application_factor": 1.25}
     for quality, factor in ((5, 1.091), (6, 1.092)):
         mesh = third_stage_with_web(quality=quality)
         resonance = dynamic_factor(mesh, 40953.0, 1.0, **load).resonance_speed
         speed = 1165.9 / 2843.0 * resonance
-        found = dynamic_factor(mesh, 40953.0, speed, tip_relief=2e-6, **load)
-        assert round(found.factor, 3) == factor
+        result = dynamic_factor(mesh, 40953.0, speed, tip_relief=2e-6, **load)
+        assert round(result.factor, 3) == factor
 
 
 def test_masses_match_published_values():
-    """Reduced masses of bored discs, kg/mm: a pair; sun with three planets; planet in a ring."""
+    """Compare reduced masses, kg/mm, of a pair, a sun with three planets and a planet in a ring."""
     assert third_stage().reduced_mass / 360.0 == pytest.approx(0.36503, abs=1e-5)
     mesh, _ = planetary_meshes()
     sun, planet = (gear.inertia / 491.0 for gear in (mesh.pinion, mesh.wheel))
@@ -158,11 +166,11 @@ def test_masses_match_published_values():
 
 
 def test_stiffness_by_the_energy_method_matches_ross():
-    """Its first three stiffnesses of two pairs, with its readings of the formula of the body.
+    """Compare the first three stiffnesses of two pairs with ROSS, under its assumptions.
 
-    ROSS measures u to the height of the point of contact, takes the angle of the root from a
-    formula of its own, a round tip of 0.25 / (1 - sin 20) modules, and equal steps of the pressure
-    angle in place of the roll.
+    ROSS measures u up to the height of the contact point and has its own formula for the root
+    angle. Its rack has a round tip of 0.25 / (1 - sin 20) modules, and its steps are equal in the
+    pressure angle instead of the roll angle.
     """
     bore, sine, cosine = 0.035, math.sin(math.radians(20.0)), math.cos(math.radians(20.0))
     tip = 0.25 / (1.0 - sine)
@@ -174,6 +182,7 @@ def test_stiffness_by_the_energy_method_matches_ross():
     L, M, P, Q = _BODY_COEFFICIENTS @ np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
 
     def body(phi):
+        """Return the compliance of the gear body under a tooth loaded at the roll angle `phi`."""
         _, y, b = tooth.flank(phi)
         u = (y - tooth.root_radius) / (2.0 * tooth.root_radius * theta)
         shape = L * u**2 + M * u + P * (1.0 + Q * np.tan(b) ** 2)
@@ -184,17 +193,20 @@ def test_stiffness_by_the_energy_method_matches_ross():
     contact = PairCompliance(mesh).contact_compliance(0.0, 1.0)
 
     def pair(turned):
+        """Return the stiffness of a tooth pair at an angle after its first contact."""
         rolls = np.tan([low + turned, high - turned])
         return 1.0 / (contact + sum(tooth.compliance(roll) + body(roll) for roll in rolls))
 
     base_pitch = (high - low) / mesh.contact_ratio
-    found = [pair(n / 999 * base_pitch) + pair((n / 999 + 1.0) * base_pitch) for n in range(3)]
+    stiffnesses = [
+        pair(n / 999 * base_pitch) + pair((n / 999 + 1.0) * base_pitch) for n in range(3)
+    ]
     published = [396622921.3581085, 396738680.0375346, 396854147.2919756]
-    assert found == pytest.approx(published, rel=1e-9)
+    assert stiffnesses == pytest.approx(published, rel=1e-9)
 
 
 def mesh_of(teeth, shifts, tips=(None, None), distance=None, degrees=0.0, module=3.0, width=20.0):
-    """Return the mesh of two gears; the lengths are in mm."""
+    """Return the stage of two gears from lengths in mm and the helix angle in degrees."""
     common = {"module": module / 1e3, "width": width / 1e3, "helix_angle": math.radians(degrees)}
     pinion, wheel = (
         SpurGear(teeth=z, shift=x, tip_diameter=tip and tip / 1e3, **common)
@@ -204,7 +216,7 @@ def mesh_of(teeth, shifts, tips=(None, None), distance=None, degrees=0.0, module
 
 
 def geometry_of(mesh):
-    """Return angles in degrees, lengths in mm and contact ratios of a mesh."""
+    """Return angles in degrees, lengths in mm and contact ratios of a stage by symbol."""
     return {
         "alpha_t": math.degrees(mesh.pinion.transverse_pressure_angle),
         "alpha_wt": math.degrees(mesh.working_pressure_angle),
@@ -249,7 +261,8 @@ PROGRAMS = {
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_geometry_matches_other_programs(name):
+    """Compare each quantity with the printed text, to its number of digits."""
     mesh, printed = PROGRAMS[name]
-    found, words = geometry_of(mesh), printed.split()
+    geometry, words = geometry_of(mesh), printed.split()
     for quantity, text in zip(words[::2], words[1::2], strict=True):
-        assert f"{found[quantity]:.{len(text.partition('.')[2])}f}" == text, quantity
+        assert f"{geometry[quantity]:.{len(text.partition('.')[2])}f}" == text, quantity

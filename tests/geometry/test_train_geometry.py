@@ -14,6 +14,7 @@ COMMON = {"module": 3e-3, "width": 0.025}
 
 
 def test_a_planetary_set_takes_its_parameters_from_its_gears():
+    """Masses, radii, stiffness, damping and torques must follow from the geometry of the gears."""
     sun, planet = (SpurGear(teeth=z, **COMMON) for z in (27, 36))
     ring = SpurGear(teeth=99, internal=True, outer_diameter=0.34, **COMMON)
     damping = {"damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
@@ -29,10 +30,10 @@ def test_a_planetary_set_takes_its_parameters_from_its_gears():
         assert body.mass == gear.mass
     light = Body.from_gear(sun, "sun", inertia=1e-4)
     assert light.inertia == 1e-4 and light.mass == sun.mass
-    found = train.static()
-    # A third of the torque on each sun mesh; the planets pass the force on.
-    expected = 100.0 / (sun.base_diameter / 2.0)
-    np.testing.assert_allclose(found.mesh_force, expected, rtol=1e-9)
+    static_state = train.static()
+    # Each sun mesh carries a third of the torque, and planets transmit the force.
+    tooth_force = 100.0 / (sun.base_diameter / 2.0)
+    np.testing.assert_allclose(static_state.mesh_force, tooth_force, rtol=1e-9)
     pair = GearPair.from_geometry(GearStage(sun, planet), torque=100.0, **damping)
     mesh = train.meshes[0]
     names = "max_stiffness stiffness_ratio contact_ratio material_damping backlash_damping backlash"
@@ -41,12 +42,15 @@ def test_a_planetary_set_takes_its_parameters_from_its_gears():
     inner = GearStage(planet, ring).stiffness("iso", torque=100.0 * 36 / 27)
     assert train.meshes[-1].mean_stiffness == pytest.approx(inner.mean_stiffness, rel=1e-12)
     assert train.meshes[-1].internal and not mesh.internal
-    # Steady state by Willis: the torque of the carrier is the sun's times 1 + z_r / z_s.
+    # By Willis' equation the torque of the carrier is that of the sun times 1 + z_r / z_s.
     assert train.by_name["carrier"].torque == pytest.approx(-300.0 * (1 + 99 / 27), rel=1e-12)
 
 
 def pair_train(gears, torque=85.0, centre_distance=None, driving=None, **options):
-    """Return the train of two gears given by geometry, with a damping ratio of 0.05."""
+    """Return the train of two gears given by their geometry, with a damping ratio of 0.05.
+
+    `torque` acts on the first gear; `options` are passed to `Mesh.from_geometry`.
+    """
     names = "pinion", "wheel"
     mesh = GearStage(*gears, centre_distance, backlash=80e-6)
     sign = -1.0 if mesh.wheel.internal else 1.0
@@ -99,18 +103,22 @@ def test_the_mesh_force_of_rectangular_stiffness_jumps_at_any_speed():
 
 
 def test_the_transmission_error_matches_a_separate_sum_over_tooth_pairs():
-    """Bodies of ISO 6336 share q / (1 + 3 n), so that each pair adds a spring of its own."""
+    """Distribute the load over tooth pairs as independent springs with gaps of relief and corners.
+
+    With the stiffness of ISO 6336 for n pairs, each pair adds the same spring.
+    """
     relief, load = TipRelief(amount=12e-6, length=1.5e-3), 3000.0
     pinion, wheel = spur(23, tip_relief=relief)[0], spur(61)[0]
     mesh = GearStage(pinion, wheel)
     train = pair_train((pinion, wheel), load * pinion.base_diameter / 2.0, stiffness="iso")
-    stiffness = iso_stiffness(mesh).single * 1e9 * mesh.width * 7.0 / 6.0  # two pairs share a body
+    # A pair without the compliance of the body, 1/7 of the whole, is stiffer by 7/6.
+    stiffness = iso_stiffness(mesh).single * 1e9 * mesh.width * 7.0 / 6.0
     start, end = mesh.path
     phases = np.arange(256) / 256.0
     pitches = phases[:, None] + np.arange(-1, 3) + mesh.contact_ratio % 1.0 / 2.0
     positions = start + pitches * mesh.base_pitch
     gaps = np.maximum(0.0, relief.amount * (1.0 - (end - np.minimum(positions, end)) / 1.5e-3))
-    # Beyond the path the corners of the tips touch; formulas in geometry.md of the project.
+    # Tip corners touch beyond the path of contact, by formulas of docs/geometry.md.
     a, alpha = mesh.centre_distance, mesh.working_pressure_angle
     for flank, corner, angle in (
         (pinion, wheel, np.minimum(positions - start, 0.0) + start - mesh.pitch_point),
@@ -126,23 +134,25 @@ def test_the_transmission_error_matches_a_separate_sum_over_tooth_pairs():
         gaps = gaps + np.where(np.abs(gap) > 1e-12, gap, 0.0)
     gaps.sort(axis=1)
     counts = np.arange(1, gaps.shape[1] + 1)
-    # The displacement at which the nearest pairs carry the load: the number with the least one.
+    # Of all numbers of loaded pairs, the true one gives the least displacement.
     error = ((load / stiffness + gaps.cumsum(axis=1)) / counts).min(axis=1)
     expected = gearlib.Harmonics.from_table(math.tau * phases, error, 32)
-    found = train.meshes[0].transmission_error
+    transmission_error = train.meshes[0].transmission_error
     for name in ("cosines", "sines"):
-        values = getattr(found, name)
+        values = getattr(transmission_error, name)
         np.testing.assert_allclose(values, getattr(expected, name)[: len(values)], atol=1e-11)
 
 
 @pytest.mark.parametrize("torque", [85.0, -85.0])
 def test_gears_at_rest_follow_the_transmission_error_of_pairs_of_teeth(torque):
+    """Static displacements of a train over a mesh period must follow load over stiffness."""
     gears = spur(23, 61)
     mesh = GearStage(*gears, backlash=80e-6)
     pair = gearlib.LoadSharingPair.from_geometry(mesh, torque=85.0, damping_ratio=0.05).at_load()
-    table = pair.load / np.array(pair.profile.stiffness)  # there is none without a load
+    # Without relief there is no error without a load.
+    table = pair.load / np.array(pair.profile.stiffness)
     train, name = pair_train(gears, torque), "pinion-wheel"
-    # On the coast side the wheel drives, and the pairs move the other way.
+    # On the coast side the wheel drives, and the tooth pairs move in the opposite direction.
     sign, lag = (1.0, train.phases) if torque > 0.0 else (-1.0, train.coast_phases)
     phases = np.linspace(0.0, math.tau, 24, endpoint=False)
     approach = [
@@ -158,6 +168,7 @@ def test_gears_at_rest_follow_the_transmission_error_of_pairs_of_teeth(torque):
 
 
 def test_teeth_driven_by_the_wheel_match_exchanged_gears():
+    """Driving by the wheel, a reversed torque and exchanged gears must give equal factors."""
     gears = spur(23, 61)
     trains = [
         pair_train(gears, driving="wheel"),
@@ -171,19 +182,20 @@ def test_teeth_driven_by_the_wheel_match_exchanged_gears():
     assert factors == pytest.approx([factors[0]] * 3, rel=1e-6)
     driven = gearlib.duty_point(pair_train(gears), 2000.0).dynamic_factor.item()
     assert abs(driven / factors[0] - 1.0) > 0.01
-    # At this torque the stiffness of ISO 6336 depends on the load, not on its direction.
+    # At this small torque the stiffness of ISO 6336 depends on the load, but not on its sign.
     light = [pair_train(gears, torque).meshes for torque in (20.0, -20.0)]
     assert light[0] == light[1]
-    # Equal gears have no direction.
+    # For equal gears it does not matter which one drives.
     same = [gearlib.duty_point(pair_train(spur(30, 30), t), 2000.0) for t in (85.0, -85.0)]
     assert same[0].dynamic_factor.item() == pytest.approx(same[1].dynamic_factor.item(), rel=1e-9)
 
 
 def test_a_mirror_image_of_two_meshes_has_the_same_dynamic_factors():
-    """Reversed torques on the coast sides are drive sides of the mirror image."""
+    """Coast sides under a reversed torque are the drive sides of the mirror image."""
     gears = [*spur(23, shift=0.3), *spur(37), *spur(61, shift=-0.2)]
 
     def factors(torque, driving):
+        """Return the dynamic factors of two meshes under a torque, with a given driving gear."""
         torques = torque, 0.0, -torque * 61 / 23
         names = "a", "b", "c"
         meshes = [
@@ -208,11 +220,12 @@ def test_a_mirror_image_of_two_meshes_has_the_same_dynamic_factors():
 
 
 def test_phasing_follows_the_transmission_error():
-    """Planets in phase excite rotational modes only, others by (order z_s) mod 3; Parker (2000)."""
+    """Modal forces must follow the error, and excited mode types Parker's rule (2000)."""
     error = pair_train(spur(23, 61)).meshes[0].transmission_error
     amplitudes = np.hypot(error.cosines, error.sines)[:12]
     forces = pair_train(spur(23, 61)).phasing(12).modal_force.values[:, 0]
     np.testing.assert_allclose(forces / forces[0], amplitudes / amplitudes[0], rtol=1e-9)
+    # Planets in phase excite rotational modes only; (order z_s) mod 3 decides on others.
     supports = {"support_stiffness": (1e8, 1e8, 1e8, 1e8), "torsional_stiffness": (0.0, 1e9, 0.0)}
     for sun_teeth, kind in ((27, "rotational"), (28, "translational")):
         teeth = (sun_teeth, 63 - sun_teeth, 126 - sun_teeth)

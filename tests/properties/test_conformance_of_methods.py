@@ -18,7 +18,7 @@ from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SPLIT, VARIANT
 from tests.properties.cases import random_trains_case
 from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
 from tests.properties.test_summaries import TEETH
-from tests.trains.test_methods import START, bouncing
+from tests.trains.test_methods import START, bouncing_train
 
 
 class Accuracy(NamedTuple):
@@ -52,7 +52,7 @@ MOTIONS = {
         OneDegreePair(pair=THICK, profile=Fourier(3), quadratic_damping=3e4), 0.9, (0.0, 0.0), 10
     ),
     "six degrees": Known(KNOWN["free bearings"].model, 0.8, (1.0, -3.0)),
-    "train": Known(bouncing(), 0.9, START, 6),
+    "train": Known(bouncing_train(), 0.9, START, 6),
     # Run-out, deviations of both flanks, friction; a common period of many mesh periods.
     **{f"random train {seed}": Known(*random_trains_case(seed), 2) for seed in (0, 5)},
 }
@@ -91,7 +91,7 @@ def test_a_motion_matches_the_exact_method(method, name):
 
 RUNS = [(OIL_FREE, method, options) for method, options in VARIANTS if options != SPLIT]
 RUNS += [(THICK, method, {}) for method in sorted({"exact", "heyoka"} & INSTALLED)]
-RUNS += [(OneDegreePair(pair=UNDAMPED, **CUBIC), "taylor", {}), (bouncing(), "rk4", {})]
+RUNS += [(OneDegreePair(pair=UNDAMPED, **CUBIC), "taylor", {}), (bouncing_train(), "rk4", {})]
 RUNS += [(KNOWN[name].model, "exact", {}) for name in ("gear_rattle", "unequal gears", "reducer")]
 
 
@@ -119,7 +119,7 @@ def test_a_sweep_matches_its_single_runs(model, method, options):
 
 
 def test_methods_refuse_models_that_they_cannot_run():
-    unsupported = [(bouncing(), method) for method in ("taylor", "rk45", "newmark")]
+    unsupported = [(bouncing_train(), method) for method in ("taylor", "rk45", "newmark")]
     unsupported += [(TEETH, method) for method in ("rk4", "scipy", "heyoka")]
     for model, method in unsupported:
         with pytest.raises(ValueError, match=f"method = '{method}' .* it takes .* must be one of"):

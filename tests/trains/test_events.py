@@ -17,7 +17,7 @@ PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=800.0, backlash=1
 
 
 def test_a_train_at_rest_on_its_flanks_begins_in_contact():
-    # The ring meshes are pressed with the fourth power of time; rounding must not open them before.
+    # The load of ring meshes grows with the fourth power of time; rounding must not open them.
     train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
     events = train.propagator(0.5).record(train.start_state((0.0, 0.0)), 1, 100).events
     assert (events[:, orbit.EVENT_PHASE] > 1e-9).all()
@@ -28,48 +28,53 @@ def test_a_train_at_rest_on_its_flanks_begins_in_contact():
 @pytest.mark.parametrize("load", [3000.0, -3000.0, 0.0])
 @pytest.mark.parametrize("line", [1, -1])
 def test_a_start_at_rest_on_a_flank_line_has_the_contact_that_the_load_presses_on(line, load):
+    """Start at rest on the line of the drive side, 1, or of the coast side, -1, under each load."""
     train = pairs_as_train(PAIR)
     torques = [replace(body, torque=load * body.base_radius) for body in train.bodies]
     train = train.replace(bodies=torques)
     half_gap = 0.5 * PAIR.backlash / train.static_deflection
     state = np.repeat([-half_gap if line == -1 else 0.0, 0.0], 2)
-    # The load presses on one side, and opens the other; without it nothing moves, and the coast
-    # side counts as open.
+    # The load closes one side and opens the other. Without load nothing moves, and the coast side
+    # counts as open.
     contact = int(load >= 0.0) if line == 1 else -int(load < 0.0)
     record = train.propagator(0.9).record(state, 1, 100, 64)
     assert (record.samples[:2, orbit.SAMPLE_CONTACT] == contact).all()
-    # What is pressed on stays in contact for a while; what opens strikes later.
+    # A loaded flank stays in contact for a while, and an open one strikes later.
     assert (record.events[:, orbit.EVENT_PHASE] > 0.1).all()
 
 
-# Seeds, of sixty, in which the phase of an event would round below that of the event before.
+# For these seeds, of sixty, an event would round to a phase below the preceding one.
 @pytest.mark.parametrize(
-    ("kind", "seed"), [(symmetric_problem, seed) for seed in (12, 54)] + [(random_problem, 17)]
+    ("make_problem", "seed"),
+    [(symmetric_problem, seed) for seed in (12, 54)] + [(random_problem, 17)],
 )
-def test_events_are_recorded_in_their_order(kind, seed):
-    train, tuning, state = kind(np.random.default_rng(seed))
+def test_events_are_recorded_in_their_order(make_problem, seed):
+    """Phases of events must not decrease, and events of equal phase are sorted by mesh."""
+    train, tuning, state = make_problem(np.random.default_rng(seed))
     events = train.propagator(tuning).record(state, 40, 10**5).events
-    same = np.diff(events[:, orbit.EVENT_PERIOD]) == 0.0
+    in_same_period = np.diff(events[:, orbit.EVENT_PERIOD]) == 0.0
     steps = np.diff(events[:, orbit.EVENT_PHASE])
-    assert (steps[same] >= 0.0).all()
-    assert (np.diff(events[:, EVENT_MESH])[same & (steps == 0.0)] >= 0).all()
+    assert (steps[in_same_period] >= 0.0).all()
+    assert (np.diff(events[:, EVENT_MESH])[in_same_period & (steps == 0.0)] >= 0).all()
     run = gearlib.simulate(train, tuning, periods=40, record_periods=40, initial_state=state)
     assert run.event.size == len(events) > 10 and (np.diff(run.event_phase) >= 0.0).all()
 
 
 def test_a_crossing_where_the_stiffness_switches_is_not_lost():
+    """Bisect the initial displacement whose contact ends exactly at a switch of the stiffness."""
     propagator = pairs_as_train(PAIR).propagator(0.85)
     switch, low, high = propagator.system.starts[1], 1.0, 2.0
 
-    def phase(pressed):
-        record = propagator.record(np.array([pressed, pressed, 0.0, 0.0]), 1, 100)
+    def first_event_phase(displacement):
+        """Return the phase of the first event from rest at a displacement of the mesh."""
+        record = propagator.record(np.array([displacement, displacement, 0.0, 0.0]), 1, 100)
         assert record.status == 0
         return record.events[0, orbit.EVENT_PHASE]
 
-    # From rest, pressed on by more than the load: the more, the sooner the contact ends. Where that
-    # is at the switch, the segment behind it begins with a distance that is nothing but rounding.
+    # A larger initial displacement ends contact sooner. If it ends at the switch, the next segment
+    # begins with a distance that is pure rounding.
     while high - low > 1e-15:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if phase(middle) < switch else (middle, high)
-    for k in range(-40, 40):
-        assert phase(low + k * np.spacing(low)) == pytest.approx(switch, abs=1e-13)
+        low, high = (low, middle) if first_event_phase(middle) < switch else (middle, high)
+    for steps in range(-40, 40):
+        assert first_event_phase(low + steps * np.spacing(low)) == pytest.approx(switch, abs=1e-13)

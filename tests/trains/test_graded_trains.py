@@ -19,10 +19,11 @@ KINDS = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_
 
 
 def graded_train(kind, seed):
-    """Return a random train, every stiffness and inertia times a random power of ten."""
+    """Return a random train whose stiffness and inertia values span twelve decades."""
     rng = np.random.default_rng([seed, len(kind)])
 
     def scaled(value):
+        """Return a value multiplied by a random power of ten between -6 and 6."""
         return value * 10.0 ** rng.uniform(-6.0, 6.0)
 
     train = KINDS[kind](rng)
@@ -31,7 +32,7 @@ def graded_train(kind, seed):
             body,
             inertia=scaled(body.inertia),
             mass=None if body.mass is None else scaled(body.mass),
-            # The same along x and y, as a turning frame asks for.
+            # A turning frame requires equal stiffness along x and y.
             support_stiffness=scaled(body.support_stiffness[0]),
             support_damping=0.0,
             torsional_stiffness=scaled(body.torsional_stiffness),
@@ -51,7 +52,8 @@ def graded_train(kind, seed):
 def precise_system(train):
     """Return the system of `tests.independent` in the digits of mpmath.
 
-    Gears whose pitches are equal up to rounding get radii that are exact multiples of one pitch.
+    Base radii of gears with pitches that are equal up to rounding become exact multiples of a
+    pitch.
     """
     description = describe(train)
     gears = [body for body in description["bodies"] if body["teeth"]]
@@ -63,7 +65,7 @@ def precise_system(train):
 
 
 def assert_static_forces(train, system, stiffness):
-    """Assert that mean forces are those of the linear train, with its mean stiffness."""
+    """Assert that mean forces of a train match those of the linear system of mean stiffness."""
     torques = [mpf(float(value)) for value in train.structure.load]
     # The torques are in balance up to rounding, so that one gear can be fixed.
     fixed = system.names.index((train.reference_mesh.pinion, "u"))
@@ -84,20 +86,25 @@ def assert_static_forces(train, system, stiffness):
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", KINDS)
 def test_modes_and_static_forces_agree_with_60_digits_to_rounding(kind, seed):
+    """Compare frequencies, strain energies and shapes of graded trains with 60 digits."""
     train = graded_train(kind, seed)
     squares, shapes = train.linear_modes
     with mpmath.workdps(60):
         system = precise_system(train)
-        expected, expected_shapes, stiffness = system.modes()
-        rows = np.array([contact["sides"][0]["row"] for contact in system.contacts])
-        stretch = (rows @ expected_shapes) ** 2 / np.where(expected == 0, 1, expected)
+        reference_squares, reference_shapes, stiffness = system.modes()
+        mesh_rows = np.array([contact["sides"][0]["row"] for contact in system.contacts])
+        stretch = (mesh_rows @ reference_shapes) ** 2 / np.where(
+            reference_squares == 0, 1, reference_squares
+        )
         if seed == 0:
             assert_static_forces(train, system, stiffness)
-    free = train.free_motions.shape[1]
-    assert free == 1 and abs(float(expected[0])) < 1e-20 * float(expected[1])
-    # Springs and masses are rounded by 1e-16, each of which changes a square by no more than that.
-    np.testing.assert_allclose(squares, np.array(expected[1:], float), rtol=1e-13)
-    # Squares of strains are shares of the strain energy of a mode: their sum is 1.
+    free_motion_count = train.free_motions.shape[1]
+    assert free_motion_count == 1 and abs(float(reference_squares[0])) < 1e-20 * float(
+        reference_squares[1]
+    )
+    # Each spring and mass is rounded by 1e-16, which changes a squared frequency by at most that.
+    np.testing.assert_allclose(squares, np.array(reference_squares[1:], float), rtol=1e-13)
+    # Squared strains are fractions of the strain energy of a mode, whose sum is 1.
     np.testing.assert_allclose((train.strains**2).sum(axis=0), 1.0, rtol=1e-13)
     energy = np.array(stretch.T, float) * [mesh.mean_stiffness for mesh in train.meshes]
     np.testing.assert_allclose(train.modes().strain_energy[1:], energy[1:], rtol=0, atol=1e-9)

@@ -23,7 +23,10 @@ SAMPLES, ROUNDING = 2000, 1e-9
 
 
 def two_gears(drive, coast, backlash=1e-6, load=400.0):
-    """Return a train of two equal gears, with cosine deviations of both flanks; m and N."""
+    """Return a train of two equal gears with cosine deviations of both flanks.
+
+    `drive` and `coast` are the amplitudes of the deviations, m; `backlash` is in m and `load` in N.
+    """
     stiffness = {"stiffness_ratio": 0.6, "contact_ratio": 1.5, "reduced_mass": 3.0}
     damping = {"material_damping": 2000.0, "backlash_damping": 500.0}
     train = pairs_as_train(PAPER.replace(load=load, backlash=backlash, **stiffness, **damping))
@@ -32,16 +35,16 @@ def two_gears(drive, coast, backlash=1e-6, load=400.0):
 
 
 def run_without_jamming_check(train, tuning, state, periods):
-    """Return (status, overlaps) of a run that goes on where both flanks of a mesh touch.
+    """Return (status, overlaps) of a run that continues where both flanks of a mesh touch.
 
-    Overlaps, (k, m), are the depth to which both flanks of m meshes overlap at k samples, at equal
-    steps of the phase, in static deflections.
+    Overlaps, (samples, meshes), are the depths by which both flanks overlap, in static deflections,
+    at equal steps of the phase.
     """
     propagator, system = train.propagator(tuning), system_of(describe(train), tuning)
     no_mesh = np.zeros_like(propagator.constants.may_jam)
     propagator.constants = propagator.constants._replace(may_jam=no_mesh)
     record = propagator.record(state, periods, 10**5, SAMPLES)
-    # A sample has six values of each mesh, then the coordinates.
+    # A sample holds six values for each mesh and then the coordinates.
     states = record.samples[:, 6 * len(train.meshes) :] * system.length
     phases = math.tau * periods * np.arange(len(states)) / len(states)
     overlaps = []
@@ -64,15 +67,16 @@ def run_without_jamming_check(train, tuning, state, periods):
     [
         # At a low speed the load keeps the drive side in contact, and the coast side touches too.
         (1e-6, -1e-6, 0.2, True),
-        # The backlash is negative, by 0.2 um, for a while, but then the flanks are elsewhere.
+        # The backlash is negative for a while, but then the gears are away from the flanks.
         (0.6e-6, -0.6e-6, 0.2, False),
         (0.6e-6, -0.6e-6, 0.5, True),
         (0.499e-6, -0.499e-6, 0.5, False),
-        # Both flanks alike: the backlash stays.
+        # If both flanks deviate alike, the backlash does not change.
         (1e-6, 1e-6, 0.5, False),
     ],
 )
 def test_two_gears_jam_where_their_backlash_closes(start, drive, coast, tuning, jams):
+    """A run must jam if and only if both flanks overlap in a run without the check."""
     train = two_gears(drive, coast)
     run = gearlib.simulate(train, tuning, periods=20, initial_state=start)
     assert int(run.status) == (status.JAMMED if jams else status.OK)
@@ -85,39 +89,42 @@ def test_two_gears_jam_where_their_backlash_closes(start, drive, coast, tuning, 
 
 
 def test_a_run_that_starts_with_both_flanks_in_contact_is_jammed():
+    """The coast deviation of -3 um leaves a backlash of -2 um at the start."""
     train = two_gears(0.0, -3e-6)
     state = np.zeros(train.size)
-    for share, both_touch in ((0.01, True), (-0.01, False), (0.99, True), (1.01, False)):
+    for fraction, both_touch in ((0.01, True), (-0.01, False), (0.99, True), (1.01, False)):
         # Both flanks touch while the pinion is displaced by 0 to 2 um along the line of action.
-        state[0] = share * 2e-6 / train.static_deflection
+        state[0] = fraction * 2e-6 / train.static_deflection
         _, overlaps = run_without_jamming_check(train, 0.9, state, 1)
         assert (overlaps[0].max() >= 0.0) == both_touch
-        # Starts without may jam later on.
+        # The other starts may jam later.
         if both_touch:
             assert train.propagator(0.9).record(state, 1, 100).status == status.JAMMED
 
 
 @pytest.mark.parametrize("seed", range(16))
 def test_a_random_train_is_jammed_if_and_only_if_both_flanks_of_a_mesh_touch(seed):
+    """Compare the status with the overlap of flanks in a run without the check."""
     train, tuning, state = jamming_problem(np.random.default_rng(seed))
     code = train.propagator(tuning).record(state, 3, 10**5).status
     status_without_check, overlaps = run_without_jamming_check(train, tuning, state, 3)
     if code == status.OK:
-        # The run checks every instant, and so these samples.
+        # A run without jamming has no overlap at any instant.
         assert status_without_check == status.OK and overlaps.max() <= ROUNDING
     else:
         assert code == status.JAMMED
-        # Both flanks touch at a sample, or between two, where overlaps change by small steps.
+        # Both flanks touch at a sample or between two samples, whose overlaps differ by a step.
         assert overlaps.max() > -2.0 * np.abs(np.diff(overlaps, axis=0)).max()
 
 
 def test_statics_report_a_mesh_that_is_jammed():
-    # C (2 d - 1 um) = 100 N while both touch: d = 0.625 um, the coast side 0.375 um too deep.
+    # While both flanks touch, C (2 d - 1 um) = 100 N gives a displacement d of 0.625 um, which is
+    # 0.375 um too much for the coast side.
     train = two_gears(1e-6, -1e-6, load=100.0)
     jammed, free = train.static(), train.static(math.pi)
     assert int(jammed.status) == status.JAMMED and "both flanks" in jammed.status.attrs["message"]
     assert int(free.status) == status.OK
-    # The difference of 250 N and 150 N on both flanks is the load.
+    # The load is the difference of 250 N and 150 N on both flanks.
     np.testing.assert_allclose([jammed.mesh_force[0], free.mesh_force[0]], 100.0)
     # Without backlash and deviations one flank touches.
     without = two_gears(0.0, 0.0, 0.0).static()

@@ -12,13 +12,13 @@ import gearlib
 from gearlib import Body, GearNode, GearTrain, HarmonicForce, Mesh
 from tests.couple import ROSS, two_rotors
 
-#: Natural frequencies in Hz that `MultiRotor` of ROSS 2.3.0 finds, above three free motions.
+#: Natural frequencies, Hz, by `MultiRotor` of ROSS 2.3.0, without three rigid-body motions.
 OF_ROSS = [156.7745, 186.9425, 206.6929, 232.6162, 680.7055, 691.4427, 1017.895, 1017.895]
 OF_ROSS += [1166.492, 1171.928, 1541.775]
 
 
-def pair(stiffness_ratio=1.0, **options):
-    """Return two gears on fixed axes, with damping."""
+def pair_of_bodies(stiffness_ratio=1.0, **options):
+    """Return a train of two gears on fixed axes, with damping."""
     bodies = [
         Body(name="a", inertia=0.01, base_radius=0.1, teeth=20, torque=100.0),
         Body(name="b", inertia=0.04, base_radius=0.2, teeth=40, torque=200.0),
@@ -31,7 +31,7 @@ def pair(stiffness_ratio=1.0, **options):
 
 
 def pair_of_matrices(**options):
-    """Return the gears of `pair`, given by matrices of their angles in rad."""
+    """Return the train of `pair_of_bodies` as matrices over the angles of both gears, rad."""
     gears = [
         GearNode(name="a", teeth=20, base_radius=0.1, rotation="angle a"),
         GearNode(name="b", teeth=40, base_radius=0.2, rotation="angle b"),
@@ -41,7 +41,7 @@ def pair_of_matrices(**options):
     names = ["angle a", "angle b"]
     return GearTrain.from_matrices(
         *arrays,
-        pair(stiffness_ratio=0.7).meshes,
+        pair_of_bodies(stiffness_ratio=0.7).meshes,
         gears,
         coordinates=names,
         forces=forces,
@@ -50,7 +50,7 @@ def pair_of_matrices(**options):
 
 
 def as_matrices(train):
-    """Return a train again, given by the matrices of its own structure."""
+    """Return a train as given by the matrices of its own structure."""
     structure = train.structure
     n = len(structure.mass)
     names = [f"{name} {i}" for i, (name, _) in enumerate(structure.coordinates)]
@@ -67,65 +67,73 @@ def as_matrices(train):
 
 def test_natural_frequencies_match_ross():
     modes = two_rotors().modes()
-    found = np.sort(modes.natural_frequency.values)
-    assert found[:3] == pytest.approx(0.0, abs=1e-3)
-    assert found[3:14] == pytest.approx(OF_ROSS, rel=1e-6)
+    frequencies = np.sort(modes.natural_frequency.values)
+    assert frequencies[:3] == pytest.approx(0.0, abs=1e-3)
+    assert frequencies[3:14] == pytest.approx(OF_ROSS, rel=1e-6)
 
 
 def test_a_reduction_keeps_frequencies_damping_and_response():
-    whole = two_rotors(speed=300.0, damping=2e-6 * ROSS["stiffness"])
-    small = whole.reduce(2500.0)
-    assert len(small.matrices.mass) < len(whole.matrices.mass) == 84
-    assert f"of {84} coordinates" in small.matrices.left_out
+    """Compare eigenvalues and responses up to 1250 Hz of a rotor and its reduction."""
+    full_train = two_rotors(speed=300.0, damping=2e-6 * ROSS["stiffness"])
+    reduced_train = full_train.reduce(2500.0)
+    assert len(reduced_train.matrices.mass) < len(full_train.matrices.mass) == 84
+    assert f"of {84} coordinates" in reduced_train.matrices.left_out
     values = []
-    for train in (whole, small):
-        found = np.linalg.eigvals(train.state_space().A)
-        kept = (found.imag > math.tau * 50.0) & (abs(found) < math.tau * 1250.0)
-        values.append(np.sort_complex(1j * found[kept]))
+    for train in (full_train, reduced_train):
+        eigenvalues = np.linalg.eigvals(train.state_space().A)
+        is_in_range = (eigenvalues.imag > math.tau * 50.0) & (abs(eigenvalues) < math.tau * 1250.0)
+        values.append(np.sort_complex(1j * eigenvalues[is_in_range]))
     assert values[1] == pytest.approx(values[0], rel=1e-3)
     frequencies = np.linspace(50.0, 1250.0, 101)
     responses = [
         gearlib.frequency_response(
             train.state_space(inputs=["rotation of pinion"]), frequencies
         ).response_amplitude.values
-        for train in (whole, small)
+        for train in (full_train, reduced_train)
     ]
     assert responses[1] == pytest.approx(responses[0], rel=1e-3)
 
 
 def test_a_reduced_rotor_moves_as_the_full_one():
-    whole = two_rotors()
+    full_train = two_rotors()
     results = [
         gearlib.sweep(train, [0.02, 0.05], periods=200, record_periods=2).dynamic_force_max.values
-        for train in (whole, whole.reduce(8000.0))
+        for train in (full_train, full_train.reduce(8000.0))
     ]
     assert results[1] == pytest.approx(results[0], rel=2e-3)
 
 
 def test_a_planetary_train_as_its_own_matrices_moves_the_same():
     train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
-    again = as_matrices(train)
+    train_of_matrices = as_matrices(train)
     options = {"periods": 20, "record_periods": 2, "samples_per_period": 16}
-    runs = [gearlib.simulate(x, 0.9, **options).displacement.values for x in (train, again)]
+    runs = [
+        gearlib.simulate(x, 0.9, **options).displacement.values for x in (train, train_of_matrices)
+    ]
     assert runs[1] == pytest.approx(runs[0], abs=1e-11)
 
 
 def test_studies_of_a_train_of_matrices_match_those_of_bodies():
-    trains = pair(stiffness_ratio=0.7), pair_of_matrices()
+    """Orbits, proofs, branches, sensitivities, run-ups and tongues must not depend on the form."""
+    trains = pair_of_bodies(stiffness_ratio=0.7), pair_of_matrices()
     orbits = [gearlib.periodic_orbit(train, 0.7) for train in trains]
     assert np.abs(orbits[1].multipliers) == pytest.approx(np.abs(orbits[0].multipliers), rel=1e-9)
     assert "Proven" in str(gearlib.certify(orbits[1]))
     branches = [gearlib.continue_orbit(orbit, to=0.72) for orbit in orbits]
     assert branches[1].tuning[-1] == pytest.approx(float(branches[0].tuning[-1]), rel=1e-9)
     arguments = {"parameters": ["max_stiffness", "load"], "tuning": 0.7, "periods": 5}
-    rates = [gearlib.sensitivities(gearlib.simulate, train, **arguments) for train in trains]
-    for name in rates[0].data_vars:
-        if "mesh" in rates[0][name].dims and rates[0][name].dtype.kind == "f":
-            np.testing.assert_allclose(rates[1][name], rates[0][name], rtol=1e-6, atol=1e-9)
+    sensitivities = [
+        gearlib.sensitivities(gearlib.simulate, train, **arguments) for train in trains
+    ]
+    for name in sensitivities[0].data_vars:
+        if "mesh" in sensitivities[0][name].dims and sensitivities[0][name].dtype.kind == "f":
+            np.testing.assert_allclose(
+                sensitivities[1][name], sensitivities[0][name], rtol=1e-6, atol=1e-9
+            )
     runs = [gearlib.run_up(train, 5e3, 2e4, duration=0.01) for train in trains]
     np.testing.assert_allclose(runs[1].mean_force, runs[0].mean_force, rtol=1e-8)
-    weak = {"material_damping": 300.0, "stiffness_ratio": 0.5}
-    trains = [train.replace(meshes=[replace(train.meshes[0], **weak)]) for train in trains]
+    weakly_damped = {"material_damping": 300.0, "stiffness_ratio": 0.5}
+    trains = [train.replace(meshes=[replace(train.meshes[0], **weakly_damped)]) for train in trains]
     zones = [gearlib.tongues(train, start=1.5, stop=2.5, step=0.01) for train in trains]
     for name in ("tuning_from", "tuning_to", "growth"):
         assert zones[1][name].values == pytest.approx(zones[0][name].values, abs=1e-8)
@@ -133,6 +141,7 @@ def test_studies_of_a_train_of_matrices_match_those_of_bodies():
 
 @pytest.mark.parametrize("method", ["exact", "scipy"])
 def test_an_unsymmetric_structure_rests_in_its_static_state(method):
+    """A circulatory part of the stiffness must not disturb the static state of constant meshes."""
     stiffness = ROSS["stiffness"].copy()
     stiffness[0, 1] += 3e7
     stiffness[1, 0] -= 3e7
@@ -142,10 +151,10 @@ def test_an_unsymmetric_structure_rests_in_its_static_state(method):
     assert run.displacement.values == pytest.approx(1.0, abs=1e-7)
 
 
-def test_a_harmonic_force_needs_a_motion():
+def test_a_harmonic_force_on_a_fixed_axis_is_refused():
     force = HarmonicForce(body="a", amplitude=20.0, order=1, of="a", axis="x")
     with pytest.raises(ValueError, match="axis of a force on body a = 'x' is not allowed"):
-        _ = pair(forces=[force])
+        _ = pair_of_bodies(forces=[force])
 
 
 def test_a_harmonic_force_acts_on_a_coordinate_of_matrices():
@@ -160,21 +169,21 @@ def test_a_harmonic_force_acts_on_a_coordinate_of_matrices():
 
 def test_a_harmonic_torque_on_a_linear_pair_matches_the_closed_form():
     force = HarmonicForce(body="a", amplitude=20.0, order=2, of="m", phase=0.4)
-    train = pair(forces=[force])
+    train = pair_of_bodies(forces=[force])
     result = gearlib.simulate(train, 0.6, periods=400, record_periods=1, samples_per_period=64)
     omega = 2.0 * float(result.mesh_frequency)
-    # One coordinate along the line of action: acceleration of a free pinion under the torque.
+    # The displacement of the mesh is a single coordinate with this reduced mass.
     mass = 1.0 / (0.1**2 / 0.01 + 0.2**2 / 0.04)
-    drive = 20.0 * 0.1 / 0.01 * mass
-    static = 100.0 / 0.1 / 3e8
-    response = drive / (3e8 - mass * omega**2 + 3000.0j * omega)
+    force_amplitude = 20.0 * 0.1 / 0.01 * mass
+    static_deflection = 100.0 / 0.1 / 3e8
+    response = force_amplitude / (3e8 - mass * omega**2 + 3000.0j * omega)
     phase = 2.0 * result.phase.values + 0.4
-    expected = 1.0 + (response * np.exp(1j * phase)).real / static
+    expected = 1.0 + (response * np.exp(1j * phase)).real / static_deflection
     assert result.displacement.values.ravel() == pytest.approx(expected, rel=1e-9)
 
 
 def test_modal_damping_matches_the_complex_eigenvalues():
-    modes = pair().modes()
+    modes = pair_of_bodies().modes()
     mass, stiffness, damping = 1.0 / (0.1**2 / 0.01 + 0.2**2 / 0.04), 3e8, 3000.0
     ratio = damping / 2.0 / math.sqrt(stiffness * mass)
     assert modes.modal_damping_ratio.values[-1] == pytest.approx(ratio, rel=1e-9)
@@ -183,32 +192,32 @@ def test_modal_damping_matches_the_complex_eigenvalues():
 def test_modal_damping_ratios_add_to_the_damping_of_the_meshes():
     ratios = [
         train.modes().modal_damping_ratio.values[-1]
-        for train in (pair(), pair(modal_damping=[0.07]))
+        for train in (pair_of_bodies(), pair_of_bodies(modal_damping=[0.07]))
     ]
     assert ratios[1] - ratios[0] == pytest.approx(0.07, rel=1e-9)
 
 
 def test_a_step_response_of_the_state_space_ends_in_the_static_state():
-    system = pair().state_space(
+    system = pair_of_bodies().state_space(
         inputs=["rotation of a", "rotation of b"],
         outputs=["mesh force of m", "acceleration rotation of a"],
     )
     assert isinstance(system, scipy.signal.StateSpace)
     assert system.input_names == ("rotation of a", "rotation of b")
-    # Torques that balance leave no free acceleration: the mesh carries 100 N m / 0.1 m.
+    # Balanced torques cause no rigid-body acceleration, and the mesh carries 100 N m / 0.1 m.
     time = np.linspace(0.0, 0.5, 20001)
     torques = np.tile([100.0, 200.0], (time.size, 1))
-    _, found, _ = scipy.signal.lsim(system, torques, time)
-    assert found[-1] == pytest.approx([1000.0, 0.0], rel=1e-6, abs=1e-3)
+    _, response, _ = scipy.signal.lsim(system, torques, time)
+    assert response[-1] == pytest.approx([1000.0, 0.0], rel=1e-6, abs=1e-3)
 
 
 def test_state_space_refuses_unknown_names_and_trains_without_bodies():
     with pytest.raises(ValueError, match="model of type GearPair is not allowed"):
         gearlib.state_space(gearlib.GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.7))
     with pytest.raises(ValueError, match="inputs = 'torque' is not allowed"):
-        gearlib.state_space(pair(), inputs=["torque"])
+        gearlib.state_space(pair_of_bodies(), inputs=["torque"])
     with pytest.raises(ValueError, match="outputs = 'force' is not allowed"):
-        gearlib.state_space(pair(), outputs=["force"])
+        gearlib.state_space(pair_of_bodies(), outputs=["force"])
     with pytest.raises(ValueError, match="system = 1 is not allowed"):
         gearlib.frequency_response(1, [1.0])
 
@@ -256,5 +265,5 @@ def test_matrices_are_read_from_files_and_sparse_arrays(tmp_path):
 
     arrays = {name: ROSS[name] for name in ("mass", "stiffness")}
     io.mmwrite(tmp_path / "mass.mtx", sparse.coo_array(arrays["mass"]))
-    read = two_rotors(mass=tmp_path / "mass.mtx", stiffness=sparse.csr_array(arrays["stiffness"]))
-    assert read == two_rotors()
+    train = two_rotors(mass=tmp_path / "mass.mtx", stiffness=sparse.csr_array(arrays["stiffness"]))
+    assert train == two_rotors()

@@ -18,8 +18,8 @@ VARIABLES += ("fraction_min_stiffness",)
 START = (0.5, 3.0, -2.0, 0.0, 1.0, 0.0)
 
 
-def bouncing():
-    """Return an idler train with friction whose flanks part and hit the coast side from START."""
+def bouncing_train():
+    """Return an idler train with friction that bounces between both flanks from START."""
     train = gearlib.idler(PAPER.replace(backlash=12e-6, material_damping=3000.0))
     return train.replace(meshes=[replace(m, friction=(0.05, 0.03)) for m in train.meshes])
 
@@ -27,47 +27,51 @@ def bouncing():
 @pytest.mark.parametrize(
     ("method", "options", "tolerance"),
     [
-        # Steps across switches and contact events leave an order of about one.
+        # Steps across switches and contact events reduce the order to about one.
         ("rk4", {"steps_per_period": 1000}, 2e-2),
         ("scipy", {"solver": "DOP853", "rtol": 1e-9, "atol": 1e-9}, 1e-4),
         ("scipy", {"solver": "Radau", "rtol": 1e-6, "atol": 1e-6}, 1e-2),
     ],
 )
 def test_solvers_that_step_over_switches_agree_within_a_tolerance(method, options, tolerance):
-    span = {"periods": 2, "record_periods": 2, "samples_per_period": 50, "initial_state": START}
-    expected = gearlib.simulate(bouncing(), 0.9, **span)
-    result = gearlib.simulate(bouncing(), 0.9, method=method, options=options, **span)
+    """Compare samples and events of general solvers with the exact motion."""
+    settings = {"periods": 2, "record_periods": 2, "samples_per_period": 50, "initial_state": START}
+    exact_run = gearlib.simulate(bouncing_train(), 0.9, **settings)
+    result = gearlib.simulate(bouncing_train(), 0.9, method=method, options=options, **settings)
     for name in VARIABLES:
-        np.testing.assert_allclose(result[name], expected[name], 0.0, tolerance, err_msg=name)
-    assert result.event.size == expected.event.size
-    errors = np.abs(result.event_phase.values - expected.event_phase.values)
-    # The first three events come before errors have grown from bounce to bounce.
+        np.testing.assert_allclose(result[name], exact_run[name], 0.0, tolerance, err_msg=name)
+    assert result.event.size == exact_run.event.size
+    errors = np.abs(result.event_phase.values - exact_run.event_phase.values)
+    # Errors grow from bounce to bounce, so that the first three events are more accurate.
     assert errors.max() < tolerance and errors[:3].max() < 0.01 * tolerance
 
 
 @pytest.mark.parametrize(
     ("method", "options", "periods"),
-    # rk4 is unstable with two steps in a mesh period; scipy meets a second event in three.
+    # rk4 is unstable with two steps in a mesh period; scipy has a second event within three
+    # periods.
     [("rk4", {"steps_per_period": 2}, 900), ("scipy", SPLIT, 3)],
 )
 def test_runs_that_diverge_or_exceed_max_events_have_a_status_and_no_final_state(
     method, options, periods
 ):
     settings = {"periods": periods, "max_events": 1, "initial_state": "static"}
-    run = gearlib.simulate(bouncing(), 0.9, method=method, options=options, **settings)
+    run = gearlib.simulate(bouncing_train(), 0.9, method=method, options=options, **settings)
     assert int(run.status) != status.OK and np.isnan(run.final_state).all()
 
 
 @pytest.mark.parametrize(("state", "code"), [("static", status.STALLED), (1e160, status.OVERFLOW)])
 def test_a_failing_solver_ends_the_run_with_a_status(state, code, monkeypatch):
+    """Make solve_ivp report a failure: the run is stalled, or has overflowed if states are huge."""
     solve = scipy.integrate.solve_ivp
 
-    def gives_up(*arguments, **options):
-        done = solve(*arguments, **options)
-        done.status = -1
-        return done
+    def failing_solve(*arguments, **options):
+        """Solve the problem, but report a failure."""
+        result = solve(*arguments, **options)
+        result.status = -1
+        return result
 
-    monkeypatch.setattr(scipy.integrate, "solve_ivp", gives_up)
-    start = state if isinstance(state, str) else (state,) * bouncing().size
+    monkeypatch.setattr(scipy.integrate, "solve_ivp", failing_solve)
+    start = state if isinstance(state, str) else (state,) * bouncing_train().size
     settings = {"method": "scipy", "options": SPLIT, "initial_state": start}
-    assert int(gearlib.simulate(bouncing(), 0.9, periods=6, **settings).status) == code
+    assert int(gearlib.simulate(bouncing_train(), 0.9, periods=6, **settings).status) == code

@@ -12,50 +12,60 @@ ROTATIONAL = (0.0, 1475.7, 1930.3, 2658.3, 7462.8, 11775.3)
 TRANSLATIONAL = (743.2, 1102.4, 1896.0, 2276.4, 6986.3, 9647.9)
 
 
-def of_kind(modes, *kinds):
-    """Return the natural frequencies of the modes of these kinds, Hz."""
+def frequencies_of_kinds(modes, *kinds):
+    """Return the natural frequencies, Hz, of the modes of given kinds."""
     return modes.natural_frequency.values[np.isin(modes.mode_kind.values, kinds)]
 
 
 def test_frequencies_match_lin_and_parker():
-    modes, double = planetary().modes(), np.repeat(TRANSLATIONAL, 2)
-    # Four to six printed digits.
-    np.testing.assert_allclose(of_kind(modes, "rigid", "rotational"), ROTATIONAL, rtol=5e-4)
-    np.testing.assert_allclose(of_kind(modes, "translational"), double, rtol=5e-4)
+    modes, doubled_frequencies = planetary().modes(), np.repeat(TRANSLATIONAL, 2)
+    # The article prints four to six digits.
+    np.testing.assert_allclose(
+        frequencies_of_kinds(modes, "rigid", "rotational"), ROTATIONAL, rtol=5e-4
+    )
+    np.testing.assert_allclose(
+        frequencies_of_kinds(modes, "translational"), doubled_frequencies, rtol=5e-4
+    )
 
 
 def test_frequencies_of_a_torsional_train_match_kahraman():
-    rng, n = np.random.default_rng(4), 4
+    """Compare with the roots of Kahraman's polynomial for random masses and stiffness."""
+    rng, planets = np.random.default_rng(4), 4
     m_s, m_ring, m_c, m_p = rng.uniform(0.3, 5.0, 4)
-    pins = rng.uniform(0.1, 1.0)
+    planet_mass = rng.uniform(0.1, 1.0)
     k2, k1 = rng.uniform(1e8, 9e8, 2)
     a = math.radians(rng.uniform(18.0, 26.0))
     train = planetary(
-        planets=n,
+        planets=planets,
         teeth=(30, 90),
-        masses=(1.0, 1.0, 1.0, pins),
+        masses=(1.0, 1.0, 1.0, planet_mass),
         reduced_inertias=(m_s, m_ring, m_c, m_p),
         pressure_angle=a,
         support_stiffness=(math.inf,) * 4,
         torsional_stiffness=(0.0, math.inf, 0.0),
         mean_stiffness=(k2, k1),
     )
-    # The motion of the carrier counts along the line of action; rigid pins carry the planets.
-    m_c = (m_c + n * pins) / math.cos(a) ** 2
+    # The carrier coordinate is along the line of action, and rigid pins add the planets' mass.
+    m_c = (m_c + planets * planet_mass) / math.cos(a) ** 2
     l1 = m_p * m_c * m_s
-    l2 = -(n * k2 * m_p * m_c + (k1 + k2) * m_c * m_s + n * (k1 + k2) * m_p * m_s)
-    l3 = n * k1 * k2 * (n * m_p + m_c + 4.0 * m_s)
-    squares = [0.0, *[(k1 + k2) / m_p] * (n - 1), *np.roots([l1, l2, l3])]
+    l2 = -(planets * k2 * m_p * m_c + (k1 + k2) * m_c * m_s + planets * (k1 + k2) * m_p * m_s)
+    l3 = planets * k1 * k2 * (planets * m_p + m_c + 4.0 * m_s)
+    squares = [0.0, *[(k1 + k2) / m_p] * (planets - 1), *np.roots([l1, l2, l3])]
     modes = train.modes()
-    # The eigenvalues of a few coordinates: some hundred units of rounding.
-    result = (2.0 * math.pi * modes.natural_frequency.values) ** 2
-    np.testing.assert_allclose(result, np.sort(squares), rtol=1e-12, atol=1e-12 * max(squares))
-    assert of_kind(modes, "satellite").size == n - 1
+    # Eigenvalues of a few coordinates are accurate to some hundred units of rounding.
+    squares_of_modes = (2.0 * math.pi * modes.natural_frequency.values) ** 2
+    np.testing.assert_allclose(
+        squares_of_modes, np.sort(squares), rtol=1e-12, atol=1e-12 * max(squares)
+    )
+    assert frequencies_of_kinds(modes, "satellite").size == planets - 1
 
 
 @pytest.mark.parametrize(("teeth", "planets"), [((27, 99), 3), ((28, 98), 3), ((29, 97), 6)])
 def test_phasing_follows_parkers_rule(teeth, planets):
-    """k = l z_s mod N: 0 rotational, 1 and N - 1 translational, else satellite modes."""
+    """With k = l z_s mod N, harmonic l excites modes of one kind only.
+
+    Modes are rotational for k = 0, translational for k = 1 and N - 1, else satellite modes.
+    """
     train = planetary(
         planets=planets, teeth=teeth, stiffness_ratio=(0.7, 0.8), contact_ratio=(1.43, 1.61)
     )
@@ -65,13 +75,13 @@ def test_phasing_follows_parkers_rule(teeth, planets):
     kinds = np.select([k == 0, is_translational], ["rotational", "translational"], "satellite")
     is_other, excites = result.mode_kind.values != kinds, result.excites.values
     assert not excites[is_other].any() and np.all(result.phase_sum.values[is_other] < 1e-11)
-    # At least where the wave has that harmonic and the load deforms a mesh of the mode.
+    # Each harmonic must excite a mode of its kind, except for satellite modes.
     assert (excites.any(axis=1) | (kinds[:, 0] == "satellite")).all()
 
 
 @pytest.mark.parametrize("unit", [1e-30, 1e12])
 def test_the_choice_of_negligible_springs_does_not_depend_on_units(unit):
-    # Two masses on springs of their own; the third one is held by 1e-20 of the stiffest.
+    # Two masses have springs of their own; the third spring, 1e-20 of the stiffest, is negligible.
     springs = np.eye(3), unit * np.array([1.0, 4.0, 1e-20])
     result = free_motions_and_modes(springs, (np.eye(3), unit * np.ones(3)))
     assert np.abs(result.free_motions[:, 0] * np.sqrt(unit)) == pytest.approx([0.0, 0.0, 1.0])

@@ -14,7 +14,10 @@ ALWAYS, NEVER = 0, 10**9
 
 
 def motion(train, tuning, state, mode_cost, periods=2):
-    """Return (results, events, maps, combinations of contacts whose modes were computed)."""
+    """Run a train and return (results, events, maps, count of contact combinations with modes).
+
+    `mode_cost` decides whether the engine computes modes of a combination or integrates by series.
+    """
     propagator = train.propagator(tuning)
     tables = propagator.take_tables()
     tables.mode_cost[0] = mode_cost
@@ -36,7 +39,7 @@ def motion(train, tuning, state, mode_cost, periods=2):
 
 
 def many_planets():
-    """Return a problem in which all of eight planets leave contact, each at its own time."""
+    """Return (train, tuning, state) in which all of eight planets lose contact at different times."""
     train = gearlib.planetary(planets=8, teeth=(73, 271), stiffness_ratio=(0.7, 0.7))
     state, n = np.array(train.start_state("static")), train.size // 2
     state[:n] += 2.0 * np.sin(1.7 * np.arange(n))
@@ -45,21 +48,20 @@ def many_planets():
 
 @pytest.mark.parametrize("seed", [None, *range(4)])
 def test_the_series_propagates_a_train_as_the_modes_do(seed, monkeypatch):
-    # Random trains with friction, deviations, run-out, narrow and infinite backlashes have few
-    # meshes: the series would leave them to the modes.
+    """Compare states, samples, events and maps by the series with those by modes."""
+    # Random trains cover friction, deviations, run-out, narrow and infinite backlash, but they have
+    # so few meshes that the engine would use modes.
     if seed is not None:
         monkeypatch.setattr(sparse_series, "_MIN_SERIES_COMPONENTS", 0)
     problem = many_planets() if seed is None else random_problem(np.random.default_rng(seed))
     results, events, maps, count = motion(*problem, NEVER)
-    expected, expected_events, expected_maps, expected_count = motion(*problem, ALWAYS)
-    assert count == 0 < expected_count
+    mode_results, mode_events, mode_maps, mode_count = motion(*problem, ALWAYS)
+    assert count == 0 < mode_count
     if seed is None:
-        assert expected_count > 20 and len(events) > 60
-    assert len(events) == len(expected_events)
+        assert mode_count > 20 and len(events) > 60
+    assert len(events) == len(mode_events)
     atol = np.where(np.arange(EVENT_COLUMNS) == orbit.EVENT_PHASE, 1e-11, 1e-10)
-    assert (np.abs(events - expected_events) <= atol).all()
-    for values, others in zip(results, expected, strict=True):
+    assert (np.abs(events - mode_events) <= atol).all()
+    for values, others in zip(results, mode_results, strict=True):
         np.testing.assert_allclose(values, others, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(
-        maps, expected_maps, rtol=0, atol=1e-11 * np.abs(expected_maps).max()
-    )
+    np.testing.assert_allclose(maps, mode_maps, rtol=0, atol=1e-11 * np.abs(mode_maps).max())

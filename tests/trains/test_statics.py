@@ -1,4 +1,4 @@
-"""Load sharing: against every pattern of contact, against hand calculation, and by Willis."""
+"""Load sharing of trains: equilibrium, hand calculation and Willis' equation."""
 
 import math
 from dataclasses import replace
@@ -14,31 +14,36 @@ from tests.trains.random_trains import chain_train, planetary_train, reducer_tra
 
 
 def contacts_in_equilibrium(train):
-    """Return contacts at phase 0, after an assertion that forces are in balance where flanks touch.
+    """Assert that the static forces of a train balance, and return its contacts at phase 0.
 
-    There is no other equilibrium: springs that can only push have a convex energy.
+    The equilibrium is unique, because springs that can only push have a convex energy.
     """
     result, system = equilibrium(train), system_of(describe(train), 1.0)
     assert not result.both_flanks_touch.any()
-    # `still` is the stiffness and load without the forces of a turning frame.
+    # `still` holds stiffness and load without the forces of a turning frame.
     stiffness, load = system.still
     balance = load - stiffness @ result.q
-    size = np.abs(load) + np.abs(stiffness) @ np.abs(result.q)
+    force_scale = np.abs(load) + np.abs(stiffness) @ np.abs(result.q)
     for contact, force, code in zip(system.contacts, result.force, result.contact, strict=True):
         drive, coast = (system.distance(side, result.q, 0.0) for side in contact["sides"])
-        # A flank that just touches may count as in contact or not: distances round by 1e-17 m.
-        fits = {1: drive >= -1e-17, -1: coast <= 1e-17, 0: drive < 1e-17 and coast > -1e-17}
-        assert fits[code]
+        # Distances are rounded by 1e-17 m, so that a flank that just touches may count as open.
+        is_consistent = {
+            1: drive >= -1e-17,
+            -1: coast <= 1e-17,
+            0: drive < 1e-17 and coast > -1e-17,
+        }
+        assert is_consistent[code]
         side, distance = contact["sides"][int(code < 0)], drive if code >= 0 else coast
-        expected = system.level(contact, side, 1e-12) * distance if code else 0.0
-        # Displacements, and what rounds with them, are far larger than the distance.
-        assert force == pytest.approx(expected, abs=1e-12 * size.max())
-        balance, size = balance - force * side["row"], size + abs(force * side["row"])
-    np.testing.assert_allclose(balance, 0.0, rtol=0, atol=1e-12 * size.max())
+        elastic_force = system.level(contact, side, 1e-12) * distance if code else 0.0
+        # The distance is a small difference of displacements, whose rounding limits the force.
+        assert force == pytest.approx(elastic_force, abs=1e-12 * force_scale.max())
+        balance, force_scale = balance - force * side["row"], force_scale + abs(force * side["row"])
+    np.testing.assert_allclose(balance, 0.0, rtol=0, atol=1e-12 * force_scale.max())
     return result.contact
 
 
 def test_forces_of_random_trains_are_in_balance_where_flanks_touch():
+    """Random errors, backlashes and loads must leave meshes open or in contact on either side."""
     contacts = []
     for seed in range(60):
         rng = np.random.default_rng(seed)
@@ -48,8 +53,8 @@ def test_forces_of_random_trains_are_in_balance_where_flanks_touch():
             replace(mesh, error=rng.normal(0.0, 40e-6), backlash=rng.uniform(5e-6, 50e-6))
             for mesh in train.meshes
         ]
-        share = rng.choice([1.0, 0.2, -1.0])
-        bodies = [replace(body, torque=share * body.torque) for body in train.bodies]
+        load_factor = rng.choice([1.0, 0.2, -1.0])
+        bodies = [replace(body, torque=load_factor * body.torque) for body in train.bodies]
         train = train.replace(meshes=meshes, bodies=bodies, gyroscopic=False)
         contacts.append(contacts_in_equilibrium(train))
     assert sum(0 in codes for codes in contacts) > 10 and sum(-1 in codes for codes in contacts) > 8
@@ -57,30 +62,30 @@ def test_forces_of_random_trains_are_in_balance_where_flanks_touch():
 
 @pytest.mark.parametrize("internal", [False, True])
 def test_load_sharing_with_a_displaced_pin_matches_hand_calculation(internal):
-    """Each of three branches has two meshes and a shaft in series; one pin is displaced."""
-    pair, delta, k = PAPER.replace(backlash=math.inf), 10e-6, 1e6
+    """Each of three branches is two meshes and a shaft in series, and one pin is displaced."""
+    pair, pin_error, shaft_stiffness = PAPER.replace(backlash=math.inf), 10e-6, 1e6
     train = split_power_reducer(
         pair,
         internal=internal,
         support_stiffness=math.inf,
-        shaft_stiffness=k,
-        pin_errors=[(0.0, delta), (0.0, 0.0), (0.0, 0.0)],
+        shaft_stiffness=shaft_stiffness,
+        pin_errors=[(0.0, pin_error), (0.0, 0.0), (0.0, 0.0)],
     )
     r_a, r_b = (train.by_name[f"satellite 1 {x}"].base_radius for x in "ab")
-    ratio, a = r_a / r_b, math.radians(20.0)
-    # At phase 0 the first meshes are at the upper level, the second, 7/12 periods off, the lower.
+    ratio, pressure_angle = r_a / r_b, math.radians(20.0)
+    # At phase 0 the first meshes are at the upper level and the second ones at the lower level.
     assert train.phases["second 1"] == pytest.approx(7 / 12, abs=1e-12)
-    compliance = 1.0 / pair.max_stiffness + r_a**2 / k + ratio**2 / pair.min_stiffness
-    closer = -delta * math.cos(a) * (1.0 + ratio if internal else 1.0 - ratio)
+    compliance = 1.0 / pair.max_stiffness + r_a**2 / shaft_stiffness + ratio**2 / pair.min_stiffness
+    closer = -pin_error * math.cos(pressure_angle) * (1.0 + ratio if internal else 1.0 - ratio)
     force = pair.load + np.array([2.0, -1.0, -1.0]) / 3.0 * closer / compliance
     force = force if force.min() > 0.0 else np.array([0.0, 1.5, 1.5]) * pair.load
-    static, forces = train.static(), np.concatenate([force, ratio * force])
-    np.testing.assert_allclose(static.mesh_force, forces, rtol=1e-11, atol=1e-8)
-    np.testing.assert_allclose(static.load_sharing, np.tile(force / pair.load, 2), atol=1e-11)
+    static_state, forces = train.static(), np.concatenate([force, ratio * force])
+    np.testing.assert_allclose(static_state.mesh_force, forces, rtol=1e-11, atol=1e-8)
+    np.testing.assert_allclose(static_state.load_sharing, np.tile(force / pair.load, 2), atol=1e-11)
 
 
 def test_torques_and_speeds_of_a_planetary_train_satisfy_willis_equation():
-    """Sun, ring and carrier held or free: T_r = T_s z_r / z_s, T_c = -T_s (1 + z_r / z_s)."""
+    """With fixed ring and carrier T_r = T_s z_r / z_s and T_c = -T_s (1 + z_r / z_s)."""
     train, ratio = planetary(torsional_stiffness=(0.0, 1e9, 2e9)), 99 / 27
     static, torque = train.static(), train.by_name["sun"].torque
     for name, k, share in (("ring", 1e9, ratio), ("carrier", 2e9, -(1.0 + ratio))):
@@ -88,7 +93,7 @@ def test_torques_and_speeds_of_a_planetary_train_satisfy_willis_equation():
         u = float(static.body_displacement.sel(body=name, axis="rotation"))
         assert body.torque == 0.0
         assert -k * u * body.base_radius == pytest.approx(torque * share, rel=1e-10)
-    # Free members take the balancing torques, or the train would be refused.
+    # Free members get the balancing torques by default; otherwise the train would be refused.
     for twists in ((0.0, 1e9, 0.0), (0.0, 0.0, 1e9), (0.0, 0.0, 0.0)):
         static = planetary(torsional_stiffness=twists).static()
         np.testing.assert_allclose(static.mesh_force, 2000.0, rtol=1e-10)
@@ -117,5 +122,5 @@ def test_a_static_start_stays_at_rest_on_coast_sides_that_move_with_the_supports
     assert set(train.static().contact.values) == {1 if load > 0.0 else -1}
     run = simulate(train, 0.7, periods=3, record_periods=3, initial_state="static")
     assert np.ptp(run.displacement.values, axis=0).max() < 1e-9
-    # Turning the whole train moves no flank against another.
+    # Rigid-body rotation of the train must not change any distance of flanks.
     assert np.abs(train.coast_lines @ train.free_motions).max() < 1e-12

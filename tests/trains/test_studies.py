@@ -22,7 +22,7 @@ MANY |= {"spread": 0.02}
 @pytest.mark.parametrize(
     ("train", "orders"),
     [
-        # Orders of both mesh frequencies of the reducer, 2 to 3.
+        # The mesh frequencies of the reducer have the ratio 2 to 3.
         (TRAIN, [2.0 / 3.0, 1.0, 4.0 / 3.0, 2.0]),
         (planetary(turning=True, stiffness_ratio=(0.7, 0.7)), [1.0, 2.0]),
     ],
@@ -31,15 +31,17 @@ def test_mesh_frequencies_equal_natural_frequencies_at_critical_speeds(train, or
     result = train.campbell(2)
     np.testing.assert_allclose(result.stiffness_order, orders, rtol=1e-12)
     assert result.excites.any()
-    # Teeth per second that pass the mesh, seen from the carrier.
-    passing = result.critical_speed / 60.0 / (1.0 + train.carrier_ratio)
-    passing *= train.reference_pinion.teeth
-    found, natural = xr.broadcast(result.stiffness_order * passing, result.natural_frequency)
-    np.testing.assert_allclose(found, natural, rtol=1e-12)
+    # The mesh frequency counts the teeth that pass per second, seen from the carrier.
+    mesh_frequency = result.critical_speed / 60.0 / (1.0 + train.carrier_ratio)
+    mesh_frequency *= train.reference_pinion.teeth
+    excitation_frequency, natural_frequency = xr.broadcast(
+        result.stiffness_order * mesh_frequency, result.natural_frequency
+    )
+    np.testing.assert_allclose(excitation_frequency, natural_frequency, rtol=1e-12)
 
 
 def test_the_table_lists_each_critical_speed_once(tmp_path):
-    # Sweeps are made up: contact is lost at case 0, direction 2 (down), tuning 1.0 and mesh 4 only.
+    # In these made-up sweeps contact is lost only at tuning 1.0, on the way down, in mesh 4.
     tunings = np.array([0.8, 1.0, 1.2])
     lost = np.zeros((1, 3, 3, len(TRAIN.meshes)))
     lost[0, 2, 1, 4] = 0.1
@@ -57,7 +59,7 @@ def test_the_table_lists_each_critical_speed_once(tmp_path):
     speeds = [int(row["critical_speed_rpm"]) for row in rows]
     swept = diagram.speed.values
     assert speeds == sorted(speeds) and speeds[0] < swept[0] and speeds[-1] <= swept[-1]
-    # Modes of one frequency share their intersections.
+    # Modes of equal frequency have common intersections.
     frequencies = np.unique(diagram.natural_frequency.values.round(3), return_index=True)[1]
     assert len(rows) == (diagram.critical_speed[:, frequencies] <= swept[-1]).sum()
     for row, speed in zip(rows, speeds, strict=True):
@@ -74,12 +76,13 @@ def test_the_table_of_the_reducer_holds_a_row_for_each_mesh(tmp_path):
     cases, directions, meshes = 3, 3, 6
     assert len(rows) == cases * directions * meshes
     for row in rows:
-        # The branch 1, which has an error in one case, loses contact alone; at 0.96 all do.
+        # At 0.84 only branch 1 loses contact, and only with its pin error; at 0.96 all branches do.
         error = row["case"] == "pin_error" and row["mesh"] in ("first 1", "second 1")
         assert row["contact_lost_in_its_branch_only_at"] == ("0.84" if error else "")
 
 
 def test_settled_motions_match_the_periodic_orbit():
+    """All starts must settle on the orbit that shooting finds."""
     (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.2], MANY)
     assert result.settled and (result.period == TRAIN.repeats).all()
     orbit = periodic_orbit(TRAIN, 1.2, guess=result.state[0], period=TRAIN.repeats)
@@ -91,7 +94,7 @@ def test_settled_motions_match_the_periodic_orbit():
 
 
 def test_motions_that_do_not_settle_are_summarised_by_a_range():
-    # At this tuning motions in which all branches of the train move alike are unstable.
+    # At this tuning motions in which all branches move alike are unstable.
     (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.6], MANY)
     summary = many_starts.summarise(TRAIN, [result], MANY, ["peak_force_ratio"])
     assert not result.settled and int(summary.settled[0]) == 0 and int(summary.period[0]) == 0
@@ -103,20 +106,25 @@ def test_motions_that_do_not_settle_are_summarised_by_a_range():
 
 
 def test_shares_of_motions_match_the_counts_of_starts_that_lead_to_them():
+    """One start of four leads to the motion with contact loss, the others keep contact."""
     # Between the two jumps of the main resonance one motion keeps contact, another loses it.
     keeps, loses = (simulate(PAIR, nu, periods=400, record_periods=1) for nu in (0.80, 0.82))
     assert float(keeps.fraction_drive) == 1.0 > float(loses.fraction_drive)
-    low, high = keeps.final_state.values, loses.final_state.values
-    states = np.array([low, high, low, low])
+    contact_state, loss_state = keeps.final_state.values, loses.final_state.values
+    states = np.array([contact_state, loss_state, contact_state, contact_state])
     result = many_starts.final_motions(PAIR, 0.81, states, MANY | {"first_starts": 4})
     summary = many_starts.summarise(PAIR, [result], MANY, ["displacement_max"])
     assert result.orbit.tolist() == [0, 1, 0, 0]
     assert float(summary.largest_share[0]) == 0.75 and int(summary.motion_count[0]) == 2
     assert float(summary.settled_share[0]) == 1.0 and int(summary.settled[0]) == 0
-    # On the boundary of the basins, to rounding, the start alone decides: that counts as neither.
+    # A start on the boundary of the basins, up to rounding, leads to neither motion in time.
     for _ in range(60):
-        middle = 0.5 * (low + high)
+        middle = 0.5 * (contact_state + loss_state)
         motions = many_starts.final_motions(PAIR, 0.81, [states[0], middle], MANY)
-        low, high = (middle, high) if motions.orbit[1] == 0 else (low, middle)
-    result = many_starts.final_motions(PAIR, 0.81, [*states[:2], low], MANY | {"first_starts": 3})
+        contact_state, loss_state = (
+            (middle, loss_state) if motions.orbit[1] == 0 else (contact_state, middle)
+        )
+    result = many_starts.final_motions(
+        PAIR, 0.81, [*states[:2], contact_state], MANY | {"first_starts": 3}
+    )
     assert result.orbit.tolist() == [0, 1, -1] and result.period[2] == 0

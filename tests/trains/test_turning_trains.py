@@ -1,7 +1,7 @@
-"""Forces of the turning frame: a rotor of Jeffcott, whose whirl has closed forms; orbits.
+"""Forces of the turning frame: whirl of a Jeffcott rotor, which has closed forms, and orbits.
 
-Its support, which stands still, has a stiffness and the damping `outer`. A shaft with bending
-stiffness and the damping `inner` connects it to a plate that turns with the frame.
+The rotor has a support at rest with a stiffness and the damping `outer`. A shaft with bending
+stiffness and the damping `inner` connects it to a plate that rotates with the frame.
 """
 
 import math
@@ -17,10 +17,11 @@ MASS, SUPPORT, SHAFT = 2.0, 6e7, 4e7
 NATURAL = math.sqrt((SUPPORT + SHAFT) / MASS)
 
 
-def whirl(outer, inner, speed):
-    """Return the eigenvalues of the rotor in the frame that turns at `speed`.
+def whirl_eigenvalues(outer, inner, speed):
+    """Return the eigenvalues of a Jeffcott rotor in the frame that rotates at `speed`, rad/s.
 
-    It is the sun of a planetary train, all meshes of which are in their backlash.
+    `outer` and `inner` are the damping of its support and of its rotating shaft, Ns/m. The rotor is
+    the sun of a planetary train without contact in any mesh.
     """
     train = planetary(turning=True, gyroscopic=True, backlash_damping=0.0, load=0.0)
     support = {"support_stiffness": SUPPORT, "support_damping": outer}
@@ -39,10 +40,11 @@ def whirl(outer, inner, speed):
     return np.linalg.eigvals(system.base_matrix[np.ix_(sun, sun)]) * frequency
 
 
-@pytest.mark.parametrize("share", [0.1, 0.9, 1.1, 5.0])
-def test_an_undamped_rotor_whirls_at_one_frequency_of_the_fixed_frame(share):
-    values, speed = whirl(0.0, 0.0, share * NATURAL), share * NATURAL
-    # Forward and backward whirl at +-w0, seen from a frame that turns by W.
+@pytest.mark.parametrize("speed_ratio", [0.1, 0.9, 1.1, 5.0])
+def test_an_undamped_rotor_whirls_at_one_frequency_of_the_fixed_frame(speed_ratio):
+    values, speed = whirl_eigenvalues(0.0, 0.0, speed_ratio * NATURAL), speed_ratio * NATURAL
+    # In a frame that rotates at W, forward and backward whirl at +-w0 have the frequencies
+    # +-w0 +- W.
     expected = sorted(s * NATURAL - c * speed for s in (1, -1) for c in (1, -1))
     np.testing.assert_allclose(np.sort(values.imag), expected, atol=1e-9 * (NATURAL + speed))
     np.testing.assert_allclose(values.real, 0.0, atol=1e-7 * NATURAL)
@@ -52,26 +54,29 @@ def test_an_undamped_rotor_whirls_at_one_frequency_of_the_fixed_frame(share):
     ("outer", "inner"), [(500.0, 400.0), (200.0, 400.0), (0.0, 300.0), (300.0, 0.0)]
 )
 def test_rotating_damping_destabilises_a_rotor_above_its_critical_speed(outer, inner):
-    # Damping of a support that stands still raises the limit to w0 (1 + c_outer / c_inner).
-    limit = NATURAL * (1.0 + outer / inner) if inner else math.inf
-    near_limit = (0.999 * limit, 1.001 * limit) if inner else ()
+    # Damping of the support at rest raises the limit to w0 (1 + c_outer / c_inner).
+    stability_limit = NATURAL * (1.0 + outer / inner) if inner else math.inf
+    near_limit = (0.999 * stability_limit, 1.001 * stability_limit) if inner else ()
     for speed in (0.5 * NATURAL, *near_limit, 3.5 * NATURAL):
-        assert (whirl(outer, inner, speed).real.max() > 0.0) == (speed > limit)
+        assert (whirl_eigenvalues(outer, inner, speed).real.max() > 0.0) == (
+            speed > stability_limit
+        )
 
 
 @pytest.mark.parametrize("planets", [3, 4])
 def test_an_orbit_omits_only_the_two_multipliers_of_the_rigid_body_rotation(planets):
-    # Coriolis forces exchange angular momentum between the planets and the free rotation.
+    """Compare with all multipliers of the period map, of which the first two are 1."""
+    # Coriolis forces couple the planets to the rigid-body rotation by angular momentum.
     train = planetary(
         planets=planets, teeth=(24, 72), stiffness_ratio=(0.8, 0.8), turning=True, gyroscopic=True
     )
     orbit = periodic_orbit(train, 0.9)
     _, maps, _ = train.propagator(0.9).maps(orbit.state, orbit.period, 100)
-    expected = floquet_multipliers(maps[0])
-    # Rounding divides the double multiplier 1 by its root.
-    np.testing.assert_allclose(expected[:2], 1.0, atol=1e-6)
-    # Coefficients do not depend on the order of the others, which rounding decides.
-    np.testing.assert_allclose(np.poly(orbit.multipliers), np.poly(expected[2:]), atol=1e-11)
+    all_multipliers = floquet_multipliers(maps[0])
+    # Rounding splits the double multiplier 1 by the root of its size.
+    np.testing.assert_allclose(all_multipliers[:2], 1.0, atol=1e-6)
+    # Coefficients of the polynomial do not depend on the order of the multipliers.
+    np.testing.assert_allclose(np.poly(orbit.multipliers), np.poly(all_multipliers[2:]), atol=1e-11)
 
 
 def test_friction_on_the_rigid_body_rotation_of_a_turning_train_leaves_no_orbit():

@@ -1,4 +1,4 @@
-"""Claims and tables of studies: verdicts follow the data, whatever the data are."""
+"""Claims and tables of studies: verdicts must follow from the data."""
 
 from collections import namedtuple
 from pathlib import Path
@@ -32,21 +32,21 @@ Data = namedtuple("Data", "resonance phase_planes phase_lag jump scenes")
 
 
 def phase_lag(*dampings):
-    """Return the phase lag at a tuning of 0.72 for material dampings in N s/m."""
+    """Return the phase lag at the tuning 0.72 for given material dampings, Ns/m."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
     return paper.phase_lag(PAPER, list(dampings), 0.72, [0.7], **options)
 
 
 @pytest.fixture(scope="module")
 def data():
-    """The `Data` that the statements of the paper are about, all runs from rest ("cold")."""
+    """Return the `Data` to which the claims of the paper refer, with all runs from rest ("cold")."""
     curves, runs, options = [], [], RUN | {"samples_per_period": 32}
     for name, damping in DAMPINGS.items():
         pair = PAPER.replace(**damping)
         curve = sweep(pair, np.arange(0.5, 1.4001, 0.002), **RUN)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
         runs += [paper.phase_plane_run(pair, pair, nu, options, name) for nu in PLANES]
-    # The jump of the motion from rest, and its shift by a start at a displacement of 0.1.
+    # The study searches the jump of motions from rest and its shift for a start at 0.1.
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
     pair = PAPER.replace(**DAMPINGS["k1"])
@@ -57,14 +57,16 @@ def data():
 
 
 def verdicts(table):
-    """Return statement -> verdict."""
+    """Return the verdict of each claim as a dict."""
     return {claim.id: claim.verdict for claim in table}
 
 
 def test_verdicts_on_the_paper(data, tmp_path):
+    """All claims of the paper hold but P11, and P10 holds at the resolution of its plots."""
     table = claims.evaluate(PAPER, DAMPINGS, *data)
-    # P10: the oil-damped motion (k1m) at a tuning of 0.80 has not settled, but its loops differ by
-    # less than the width of a line. P11: the jump is at 0.8157, not between 0.8150 and 0.8151.
+    # For P10 the oil-damped motion (k1m) at the tuning 0.80 has not settled, but its loops differ
+    # by
+    # less than the width of a line. For P11 the jump is at 0.8157, not between 0.8150 and 0.8151.
     p10 = (
         "holds at the resolution of the plots; strictly, the motion with k1m at nu = 0.80 changes "
         "by 0.0003 of its height from orbit to orbit"
@@ -73,11 +75,11 @@ def test_verdicts_on_the_paper(data, tmp_path):
     computed = {claim.id: claim.computed for claim in table}
     text = "0.66 (periods differ by 0.7 of the height, settles later on 2 mesh periods), 0.78 (per"
     assert text in computed["P10"]
-    # The words of the figure agree with P10.
+    # The figure must describe the motion in the words of P10.
     plane = data.phase_planes.sel(damping="k1m").sel(tuning=0.66, method="nearest")
     assert describe_steadiness(plane) == "unsteady, settles later on 2 mesh periods"
     assert "at nu = 0.81569" in computed["P11"] and "no variation tried" in computed["P11"]
-    # The two tunings of config.yaml on either side of the jump.
+    # The configuration has two tunings, on either side of the jump.
     assert "-0.148 at nu = 0.8156, -1.977 at nu = 0.8157; the motion from rest" in computed["P11"]
     assert [row["id"] for row in read_back(claims.rows(table), tmp_path)] == IDS
     claims.write_markdown(table, tmp_path / "claims.md")
@@ -86,6 +88,7 @@ def test_verdicts_on_the_paper(data, tmp_path):
 
 
 def test_steadiness_is_judged_strictly_and_at_plot_resolution(data):
+    """Replace motions by one with three different loops and by one that drifts."""
     planes = data.phase_planes.copy(deep=True)
     wave = np.cos(planes.phase.values).reshape(24, -1)
     # A motion with three different loops that repeats, and a motion that does not repeat.
@@ -101,9 +104,10 @@ def test_steadiness_is_judged_strictly_and_at_plot_resolution(data):
 
 
 def test_verdicts_follow_the_data(data):
+    """Change the data of each claim so that its verdict changes."""
     curves, planes = data.resonance.copy(deep=True), data.phase_planes.copy(deep=True)
     changed_scenes = {name: scene.copy(deep=True) for name, scene in data.scenes.items()}
-    # Behind each change stand the statements that it decides.
+    # The claims that a change decides are named after it.
     changed_scenes["fig6_two_tunings"].displacement_min[:2] = [-0.1, -1.9]  # P11
     changed_scenes["fig7_damping"].fraction_min_stiffness[0] = 0.0  # P12
     six_degrees = changed_scenes["fig8_six_degrees"]
@@ -121,6 +125,7 @@ def test_verdicts_follow_the_data(data):
 
 
 def test_missing_data_are_named_not_guessed(data):
+    # Claims about gears alone, P1 and P2, need no data.
     curves = data.resonance.sel(damping=["k1"], tuning=slice(0.9, 0.95))
     planes = data.phase_planes.sel(damping=["k1"]).isel(tuning=[0]).assign_coords(tuning=[0.7])
     missing = Data(curves, planes, data.phase_lag.isel(damping=[0]), data.jump, {})
@@ -130,7 +135,7 @@ def test_missing_data_are_named_not_guessed(data):
 
 
 def test_the_table_of_certificates_matches_the_documentation(tmp_path, monkeypatch):
-    # Those of the reducer take a minute.
+    # Certificates of the reducer are left out because they take a minute.
     monkeypatch.setattr(certificates, "REDUCER_TUNINGS", ())
     pair, step = PAPER.replace(**DAMPINGS["k1"]), {"step": 0.2, "max_height": 20.0}
     branches = {"k1": resonance.branches_of(pair, 0.5, 1.4, max_points=2000, **step)}
@@ -161,7 +166,7 @@ def test_the_table_of_lost_contact_matches_the_documentation(tmp_path):
     write_table(stability.rows(golden.read("tongues.nc")), tmp_path / "table.csv")
     expected = Path("docs/claims/parametric_resonance.csv").read_text(encoding="utf-8")
     assert (tmp_path / "table.csv").read_text(encoding="utf-8") == expected
-    # Contact is also lost in a forced motion; the scan ends before it lasts again.
+    # Contact is also lost by a forced response, here up to the end of the scan.
     run = {"periods": 120, "initial_state": [0.0, 0.0]}
     losses = stability.contact_loss({"free": PAPER}, 0.82, 0.6, 1.1, run)
     (row,) = read_back(stability.rows(losses), tmp_path)
@@ -170,7 +175,7 @@ def test_the_table_of_lost_contact_matches_the_documentation(tmp_path):
 
 
 def motion(phases, *codes):
-    """Return a `Motion` with events at these phases, codes of the contact before and after."""
+    """Return a `Motion` with events at given phases and contact codes before and after each."""
     codes = np.array(codes, np.int8).reshape(-1, 2)
     return problems.Motion(np.zeros(2), np.array(phases, float), codes)
 
@@ -184,10 +189,10 @@ def test_the_event_error_is_the_largest_phase_error_or_nan():
     assert np.isnan(event_error(motion([]), motion([])))
 
 
-def measured(method, solver, errors, times):
-    """Return datasets of the errors, and of the times (s), of a solver on one problem.
+def error_and_time_datasets(method, solver, errors, times):
+    """Yield the dataset of errors and the dataset of times, s, of a solver on one problem.
 
-    Each has an entry for each setting ("rung") from coarse to fine, named "solver = 0" and so on.
+    Entries belong to settings ("rungs") from coarse to fine, named "solver = 0" and so on.
     """
     count = len(errors)
     names = {"line": ("rung", [solver] * count), "problem": ["smooth"]}
@@ -199,18 +204,21 @@ def measured(method, solver, errors, times):
 
 
 def test_the_table_names_the_fastest_method_of_the_library_and_of_other_packages(tmp_path):
+    """For each accuracy the table must list the fastest setting that reaches it, ours and others'."""
     pairs = [
-        measured("exact", "exact", [2e-12], [1e-6]),
-        measured("rk4", "rk4", [1e-4, 1e-13], [5e-7, 1.0]),
-        measured("heyoka", "heyoka", [3e-6, 3e-15], [4e-6, 7e-6]),
-        measured("scipy", "scipy RK45", [5e-2, 1e-7], [3e-6, 9e-6]),
+        error_and_time_datasets("exact", "exact", [2e-12], [1e-6]),
+        error_and_time_datasets("rk4", "rk4", [1e-4, 1e-13], [5e-7, 1.0]),
+        error_and_time_datasets("heyoka", "heyoka", [3e-6, 3e-15], [4e-6, 7e-6]),
+        error_and_time_datasets("scipy", "scipy RK45", [5e-2, 1e-7], [3e-6, 9e-6]),
     ]
     table = read_back(fastest.rows(*zip(*pairs, strict=True)), tmp_path)
     assert [(row["problem"], row["accuracy_in_static_deflections"]) for row in table] == [
         ("smooth", f"1e-{decade:02d}") for decade in range(1, 16)
     ]
     ours, others = "no method of this library reaches it", "no solver of another package reaches it"
-    # How many times the library is faster; then of both, name, setting, us, evaluations, error.
+    # A row starts with the ratio of both times. Then it has method, setting, time in us,
+    # evaluations
+    # and error of the library and of another package.
     for decade, expected in {
         1: "6,rk4,rk4 = 0,0.5,0,0.0001,scipy RK45,scipy RK45 = 0,3,0,0.05",
         3: "8,rk4,rk4 = 0,0.5,0,0.0001,heyoka,heyoka = 0,4,0,3e-06",

@@ -1,4 +1,4 @@
-"""The command line: what it prints and writes, how it ends."""
+"""The command line: printed output, written files and exit codes."""
 
 import csv
 import os
@@ -36,7 +36,10 @@ CONFIG_FILE = Path(__file__).parents[2] / "config.yaml"
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
-    """Call a command line in an empty folder and return what it prints; it ends with `code`."""
+    """Return a function that runs a command line in an empty folder and returns its output.
+
+    It asserts that the command exits with `code`.
+    """
     monkeypatch.chdir(tmp_path)
 
     def call(line, code=0):
@@ -49,6 +52,7 @@ def run(tmp_path, monkeypatch):
 
 
 def write(name, settings):
+    """Write settings into a YAML file."""
     Path(name).write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
 
 
@@ -60,7 +64,7 @@ def with_train(section):
 
 REDUCER = gearlib.split_power_reducer(K1)
 SPAN = {"periods": 60, "record_periods": 10}
-#: Command line -> what the library computes, options for trains behind `--config`.
+#: Command lines with the computations of the library that they must match.
 COMMANDS = {
     "simulate --tuning 0.9 --periods 50": lambda: gearlib.simulate(K1, 0.9, periods=50),
     "sweep --start 0.7 --stop 0.9 --points 51 --periods 60": lambda: gearlib.sweep(
@@ -87,10 +91,11 @@ COMMANDS = {
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_output_files_match_the_library_in_the_format_of_their_suffix(run, command):
+    """Compare a NetCDF and a CSV file of each command with the dataset of the library."""
     run(f"{command} PAIR -o data.nc --plot picture.png")
     run(f"{command} PAIR -o data.csv")
     data, expected = xr.load_dataset("data.nc"), COMMANDS[command]()
-    # The command splits a sweep from rest into other batches: results differ by rounding.
+    # The command splits sweeps from rest into other batches, which changes the rounding.
     xr.testing.assert_allclose(data, expected, rtol=1e-12)
     if command.startswith("simulate"):
         xr.testing.assert_identical(data.drop_attrs(deep=False), expected.drop_attrs(deep=False))
@@ -128,7 +133,7 @@ def test_gears_are_described_by_the_properties_their_model_uses(run):
 
 
 def test_a_run_up_an_orbit_and_trust_print_their_results(run):
-    # Below this line stands the revolution with the largest force.
+    # Below this line the command prints the revolution with the largest force.
     line = "run-up PAIR --start 2000rpm --stop 2500 --acceleration 1000"
     assert "revolutions; the revolution of the largest force" in run(line)
     assert "acceleration = 1000.0 is not allowed" in run(f"{line} --duration 1", code=2)
@@ -146,6 +151,7 @@ def test_a_run_up_an_orbit_and_trust_print_their_results(run):
 
 
 def test_gears_given_by_geometry_come_from_options_or_a_saved_file(run):
+    """Options, a saved file and the library must give the same motion of the same gears."""
     run("gears GEOMETRY --save mine.yaml --plot stiffness.svg")
     assert Path("stiffness.svg").exists()
     pair = gearlib.LoadSharingPair.from_geometry(stages.own(), torque=85.0, damping_ratio=0.05)
@@ -156,15 +162,15 @@ def test_gears_given_by_geometry_come_from_options_or_a_saved_file(run):
     np.testing.assert_allclose(displacement, expected.displacement, rtol=1e-9)
     first_line = outputs["GEOMETRY"].splitlines()[0]
     assert first_line == "gear pair z 23/61, m 2.5 mm; pairs of teeth, energy method"
-    # A speed saved with the gears is the speed of runs that name none.
+    # Runs without a speed use the one saved with the gears.
     run("gears GEOMETRY --speed 4000 --save fast.yaml")
     assert run("simulate --config fast.yaml") == outputs["GEOMETRY"] == outputs[FROM_FILE]
-    # Options replace values of the saved file: here the static deflection at twice the torque.
+    # Options replace values of the file: twice the torque doubles the static deflection.
     output = run(f"simulate {FROM_FILE} --torque '170 Nm' --speed 4000")
     assert f" {2.0 * pair.static_deflection:.10g} m " in output
-    # Gears that are given by parameters have one number of teeth, that of the pinion.
+    # For gears given by parameters --teeth is the number of teeth of the pinion.
     assert " 1500 rpm " in run("simulate PAIR --teeth 48 --speed 1500")
-    # Undamped gears have a table, but a motion at a speed that does not settle is an error.
+    # Undamped gears have a table, but their motion at a speed does not settle, which is an error.
     run(f"gears {UNDAMPED}")
     assert "has not settled" in run(f"gears {UNDAMPED} --damping-ratio 0 --speed 4000", code=1)
 
@@ -288,6 +294,7 @@ def test_existing_files_are_kept_and_failed_writes_exit_with_code_1(run, monkeyp
     assert xr.load_dataset("run.nc").tuning == 0.7
 
     def refuse(dataset, path):
+        """Fail as on a full disk."""
         raise OSError(f"{path} cannot be written: the disk is full")
 
     monkeypatch.setattr(storage, "write", refuse)
@@ -295,31 +302,32 @@ def test_existing_files_are_kept_and_failed_writes_exit_with_code_1(run, monkeyp
     assert "Error: new.nc cannot be written: the disk" in output
 
 
-def cells(text, first):
-    """Return the row of a printed table that begins with a name, its columns as numbers.
+def cells(text, name):
+    """Return the numbers of the row of a printed table that begins with a name.
 
-    A wide table is printed in parts, one below the other.
+    Wide tables are printed in several parts, one below the other.
     """
-    lines = [line for line in text.splitlines() if line.startswith(f"{first} ")]
-    return [float(word) for line in lines for word in line.removeprefix(first).split()]
+    lines = [line for line in text.splitlines() if line.startswith(f"{name} ")]
+    return [float(word) for line in lines for word in line.removeprefix(name).split()]
 
 
 @pytest.fixture
 def reducer(run):
-    """A reducer with a misplaced pin, and the configuration that describes it."""
+    """Return a reducer with a misplaced pin, after writing its configuration to train.yaml."""
     errors = [[0.0, 10e-6], [0.0, 0.0], [0.0, 0.0]]
     write("train.yaml", with_train({"split_power_reducer": {"pin_errors": errors}}))
     return gearlib.split_power_reducer(K1, pin_errors=errors)
 
 
 def assert_rows(output, data, columns):
-    """Assert that a row for each mesh is printed, of these variables of a dataset."""
+    """Assert that the output has a row for each mesh with the given variables of a dataset."""
     for name in data.mesh.values:
         row = [data[column].sel(mesh=name).item() for column in columns]
         np.testing.assert_allclose(cells(output, name), row, rtol=5e-6, atol=1e-9)
 
 
 def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
+    """Compare the printed rows of a run and of a sweep's largest force with the library."""
     train_options = "--config train.yaml --model train --periods 30"
     columns = ["displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min"]
     columns += ["peak_force_ratio", "mean_force", "load_sharing"]
@@ -328,14 +336,14 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
     expected = gearlib.simulate(reducer, 0.7, periods=30)
     assert xr.load_dataset("run.nc").displacement.equals(expected.displacement)
     assert f"{expected.speed.item():.10g} rpm" in output
-    # Where a pin is displaced, the branches differ.
+    # The displaced pin makes the branches share the load unequally.
     assert float(expected.load_sharing.std()) > 0.01
     assert_rows(output, expected, columns)
     output = run(f"sweep {train_options} --start 0.3 --stop 0.5 --points 3")
     curve = gearlib.sweep(reducer, np.linspace(0.3, 0.5, 3), periods=30, record_periods=10)
-    top = curve.isel(tuning=int(curve.peak_force_ratio.max("mesh").argmax("tuning")))
-    assert f"{top.tuning.item():.10g} " in output
-    assert_rows(output, top, columns)
+    largest = curve.isel(tuning=int(curve.peak_force_ratio.max("mesh").argmax("tuning")))
+    assert f"{largest.tuning.item():.10g} " in output
+    assert_rows(output, largest, columns)
 
 
 def test_modes_static_phasing_and_campbell_print_what_the_library_computes(run, reducer):

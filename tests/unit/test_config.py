@@ -1,4 +1,4 @@
-"""The configuration: numbers, units, speeds, defaults and schema; see tests/refusals too."""
+"""The configuration: numbers, units, speeds, defaults and schema; refusals are in tests/refusals."""
 
 import copy
 import json
@@ -21,22 +21,22 @@ from tests.paper import CONFIG
 from tests.workflow.project import ROOT
 
 
-def changed(**sections):
-    """Return the checked configuration of the project with other keys."""
+def changed_config(**sections):
+    """Return the checked configuration of the project with some keys replaced."""
     return load(overlay(CONFIG, sections))
 
 
 def test_numbers_strings_and_booleans_are_converted():
     for text in ("4e8", "+4E+8", ".4e9", "4.e8", "400000000", 400000000):
-        value = changed(gear_pair={"max_stiffness": text}).gear_pair.max_stiffness
+        value = changed_config(gear_pair={"max_stiffness": text}).gear_pair.max_stiffness
         assert value == 4e8 and isinstance(value, float)
-    assert changed(gear_pair={"backlash": ".inf"}).gear_pair.backlash == math.inf
-    # As `--config section={key: value}` on the command line hands them on.
-    settings = changed(run={"revolutions": "6"}, six_degrees={"moving_backlash": "false"})
+    assert changed_config(gear_pair={"backlash": ".inf"}).gear_pair.backlash == math.inf
+    # The command line passes `--config section={key: value}` on as texts.
+    settings = changed_config(run={"revolutions": "6"}, six_degrees={"moving_backlash": "false"})
     assert settings.run.revolutions == 6 and settings.six_degrees.moving_backlash is False
     options = {"steps": 200, "rtol": "1e-8", "events": True, "solver": "LSODA", "sharpness": 2.0}
     trial = {"name": "mine", "method": "rk4", "options": options}
-    values = changed(failures={"trials": [trial]}).failures.trials[0].options
+    values = changed_config(failures={"trials": [trial]}).failures.trials[0].options
     assert values == options | {"rtol": 1e-8}
     assert [type(value) for value in values.values()] == [int, float, bool, str, float]
 
@@ -47,7 +47,7 @@ def test_a_configuration_in_other_units_gives_the_same_settings():
     dampings = paper.model_dump()["dampings"]["k1"]
     in_mm = {key: f"{value / 1e3!r} N s/mm" for key, value in dampings.items()}
     light = CONFIG["scenes"]["fig7_damping"]["cases"][0] | {"change": {"load": "1 kN"}}
-    settings = changed(
+    settings = changed_config(
         gear_pair=pair | {"load": "3.2895396 kN"},
         dampings={"k1": in_mm},
         scenes={"fig7_damping": {"cases": [light]}},
@@ -58,9 +58,10 @@ def test_a_configuration_in_other_units_gives_the_same_settings():
 
 
 def test_speeds_in_rpm_become_tunings():
+    """Each speed must become the tuning of the gears to which its section refers."""
     basins = [*CONFIG["basins"]["cases"]]
     basins[2] = basins[2] | {"tuning": "2000 rpm"}
-    settings = changed(
+    settings = changed_config(
         resonance={"start": "2000 rpm", "stop": "5000rpm", "step": "20 rpm", "window": "1500 rpm"},
         phase_planes={"tunings": ["3000 rpm", 0.8]},
         branches={"start": "1500 rpm"},
@@ -70,10 +71,10 @@ def test_speeds_in_rpm_become_tunings():
     # A window of 1500 rpm takes two jobs for a sweep from rest ("cold") over 3000 rpm.
     assert len(section.windows("cold")) == 2
     values = tunings.grid(section.start, section.stop, section.step)
-    # Start and step are rounded to 12 decimals of the tuning; the errors of the steps add up.
+    # Start and step are rounded to 12 decimals of the tuning, and errors of steps add up.
     np.testing.assert_allclose(pair.speed(np.array(values)), np.arange(2000, 5001, 20), rtol=1e-9)
     assert values[-1] == section.stop
-    # The start of a branch lies on no grid of tunings; its stop is the default.
+    # The start of a branch is not rounded, and its stop keeps the default.
     (first, second), branches = settings.phase_planes.tunings, settings.branches
     speeds = pair.speed(np.array([first, branches.start]))
     assert speeds == pytest.approx([3000.0, 1500.0], rel=1e-12)
@@ -87,12 +88,12 @@ def test_speeds_in_rpm_become_tunings():
 
 def test_a_mistyped_target_is_refused_with_its_likely_name():
     with pytest.raises(ConfigError, match="targets.0. = 'resonace' .* did you mean resonance?"):
-        changed(targets=["resonace"])
+        changed_config(targets=["resonace"])
 
 
 GEARS = {"max_stiffness": 3.1e8, "stiffness_ratio": 0.62, "contact_ratio": 1.47}
 GEARS |= {"reduced_mass": 0.85, "load": 2400.0, "backlash": 60e-6, "teeth": 31}
-#: Keys and sections whose values in config.yaml suit the paper's gears only: not the defaults.
+#: Keys and sections whose values in config.yaml suit only the paper's gears and are no defaults.
 PAPER_SPECIFIC = set(
     """
     phase_lag.material_dampings jump.marked six_degrees.inertias six_degrees.masses
@@ -113,7 +114,7 @@ def test_config_yaml_shows_the_defaults():
         elif section != defaults[name]:
             different.add(name)
     assert different == PAPER_SPECIFIC
-    # The methods differ from the default in their order only.
+    # The list of methods differs from the default only in its order.
     methods = CONFIG["work_precision"]["methods"]
     assert sorted(methods) == sorted(defaults["work_precision"]["methods"])
 
@@ -128,6 +129,7 @@ def test_config_yaml_shows_the_defaults():
     ],
 )
 def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
+    """Check defaults that depend on other sections, for gears with none, few and many dampings."""
     keys = "material_damping", "backlash_damping"
     dampings = {name: dict(zip(keys, pair, strict=True)) for name, pair in dampings.items()}
     settings = load({"gear_pair": GEARS | {"backlash": backlash}, "dampings": dampings})
@@ -138,7 +140,8 @@ def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
     highest = max(max(k.values()) for k in dampings.values())
     assert largest == highest or highest == 0.0 < largest
     assert settings.phase_lag.material_dampings == [largest, largest / 100.0]
-    # Motions settle where contact is damped: the diagram takes the first such damping, or its own.
+    # Motions settle only if contact is damped. The diagram uses the first such damping, else its
+    # own.
     settling = [k["material_damping"] for k in dampings.values() if k["material_damping"]]
     damping = settings.bifurcation.damping.material_damping
     assert damping == settling[0] if settling else damping > 0.0
@@ -152,6 +155,7 @@ def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
 
 @pytest.fixture(scope="module")
 def schema():
+    """Return a validator for the JSON schema that the command prints."""
     schema = json.loads(CliRunner().invoke(main, ["schema"]).stdout)
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)
@@ -159,6 +163,7 @@ def schema():
 
 @pytest.mark.parametrize("path", [ROOT / "config.yaml", *ROOT.glob("gallery/*/config.yaml")])
 def test_editors_find_the_schema_which_accepts_the_configurations_of_the_project(schema, path):
+    """Each configuration must name the schema in its first comment and be valid by it."""
     target = re.search(r"^SCHEMA := (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
     text = path.read_text(encoding="utf-8")
     (named,) = re.findall(r"^# yaml-language-server: \$schema=(.*)\n", text)
@@ -182,7 +187,7 @@ def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, chan
     assert not schema.is_valid(settings)
 
 
-# Equal, not close: a value spelled with a unit must rerun nothing.
+# Values must be equal, not only close, because a value written with a unit must not cause a rerun.
 @pytest.mark.parametrize(
     ("text", "unit", "value"),
     [
@@ -196,7 +201,7 @@ def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, chan
         *((text, "rpm", 3000.0) for text in ("3000 min^-1", "3e3rpm", "50 Hz", "50 turn/s")),
         *((text, "rpm", 3000.0) for text in ("3000 1/min", "3000 1 / min", "3000 U/min")),
         *((text, "rpm", 3000.0) for text in ("3000 rev/min", "3000/min", "3000 min-1")),
-        # The numerator 1 stands alone; and rates count revolutions, as speeds do.
+        # A 1 counts as numerator only if it stands alone. Rates are in revolutions, as speeds are.
         ("30001/min", "rpm", 30001.0),
         *((text, "rpm/s", 60.0) for text in ("60 1/min/s", "60 min^-1/s", "1 Hz/s")),
     ],
@@ -253,6 +258,6 @@ def test_windows_cover_each_tuning_of_the_grid_once_in_short_decimals():
     parts = windows(0.5, 1.4, 0.0005, 0.1)
     joined = [tuning for ends in parts for tuning in grid(*ends, 0.0005)]
     assert joined == grid(0.5, 1.4, 0.0005) and len(parts) == 9
-    # A raised stop keeps the windows before it; the last one may be shorter.
+    # A larger stop keeps the existing windows, and the last window may be shorter.
     assert windows(0.5, 1.4, 0.05, 0.45) == windows(0.5, 1.85, 0.05, 0.45)[:2]
     assert windows(0.5, 0.8, 0.1, 0.2) == [(0.5, 0.7), (0.8, 0.8)]

@@ -1,4 +1,4 @@
-"""Every public call with every model: it works, or says in one sentence why it does not."""
+"""Every public function with every model: it works or gives a reason in one sentence."""
 
 import inspect
 import math
@@ -32,8 +32,10 @@ class Stop(Model):
 
     @cached_property
     def equation(self):
+        """Return the equation of motion of the mass."""
         side, damping = Steps((0.0,), (self.stiffness,)).pieces(), np.zeros((3, 3))
-        damping[:, 0] = 0.1  # linear damping, in contact and in the gap
+        # Column 0 is linear damping, in contact and in the gap.
+        damping[:, 0] = 0.1
         return Equation(
             upper=0.0,
             lower=-math.inf,
@@ -49,10 +51,10 @@ class Stop(Model):
 
 NU, BOX = 0.9, ((-1.0, 1.0), (-1.0, 1.0))
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
-#: Rigid bearings: two coordinates without the free rotation, of which trapping ellipses are found
-#: soon.
+#: With rigid bearings two coordinates are left besides the rigid-body rotation, for which trapping
+#: ellipses are found quickly.
 RIGID = gears(math.inf, 3953.7, 3953.7)
-#: Turning, it has 18 mesh periods per revolution of the sun.
+#: If it turns, this train has 18 mesh periods per revolution of the sun.
 PLANETARY = {"teeth": (24, 72), "stiffness_ratio": (0.8, 0.8)}
 FROM_GEOMETRY = gearlib.LoadSharingPair.from_geometry
 MODELS = {
@@ -74,18 +76,20 @@ MODELS = {
 
 
 def orbit(pair):
+    """Return the periodic orbit of a model at the tuning NU."""
     return periodic_orbit(pair, NU, period=pair.repeats)
 
 
-def turns(pair):
-    """Return a run-up of more than a revolution."""
+def run_up_of_revolutions(pair):
+    """Return a run-up of more than one revolution."""
     return gearlib.run_up(pair, 2000.0, 2500.0, duration=0.1, samples_per_period=128)
 
 
 def scattering(function, **options):
-    """Return `function` of a model alone, with tolerances of 1 % of its load or stiffness."""
+    """Return a call of `function` on a model with tolerances of 1 % of its load or stiffness."""
 
     def call(model):
+        """Call the function on a model."""
         name = "load" if hasattr(model, "load") else "stiffness"
         return function(model, {name: {"upper": "1 %", "lower": "-1 %"}}, n=2, **options)
 
@@ -93,7 +97,7 @@ def scattering(function, **options):
 
 
 def end(model, tuning):
-    """Return the final state of two mesh periods."""
+    """Return the final state after two mesh periods."""
     return simulate(model, tuning, periods=2).final_state
 
 
@@ -113,11 +117,11 @@ CALLS = {
     "lyapunov_exponents": lambda pair: gearlib.lyapunov_exponents(pair, [NU], settle=2, periods=20),
     "run_up": lambda pair: gearlib.run_up(pair, 2000.0, 2500.0, duration=0.05),
     "duty_point": lambda pair: gearlib.duty_point(pair, 3000.0),
-    # Whole revolutions of all models.
+    # 432 periods are whole revolutions of all models.
     "orders": lambda pair: gearlib.orders(
         simulate(pair, NU, periods=432, record_periods=432, samples_per_period=64), count=1
     ),
-    "order_map": lambda pair: gearlib.order_map(turns(pair)),
+    "order_map": lambda pair: gearlib.order_map(run_up_of_revolutions(pair)),
     "trust": lambda pair: gearlib.trust(pair, NU, periods=200, exponent_periods=20),
     "periodic_orbit": lambda pair: orbit(pair).dataset(),
     "sensitivities": lambda pair: gearlib.sensitivities(end, pair, "tuning", tuning=NU),
@@ -129,7 +133,7 @@ CALLS = {
 NO_GEARS = {"oscillator", "linear stop", "hard stop"}
 TRAINS = {"train", "planetary", "turning planetary", "gyroscopic forces"}
 MANY_COORDINATES = {"pairs of teeth", "six degrees", "run-out"} | TRAINS
-#: Models -> calls that refuse them; tests/refusals has what is no model.
+#: Groups of models with the functions that refuse them.
 REFUSED = [
     (TRAINS, "basins basin_stability bifurcation_diagram poincare_section"),
     (NO_GEARS, "continue_orbit duty_point sobol_indices orders"),
@@ -137,9 +141,9 @@ REFUSED = [
     (NO_GEARS | {"one degree", "gyroscopic forces"}, "run_up order_map"),
     (NO_GEARS | MANY_COORDINATES, "schmidt harmonic_balance"),
 ]
-#: Words about gears, which texts about an oscillator must not have.
+#: Words about gears, which must not occur in texts about an oscillator.
 GEAR_WORDS = re.compile("mesh|static deflection|flank|dtau")
-#: Functions without a model as first argument alone: other tests call them.
+#: Functions that need more than a model; other tests call them.
 OTHERS = {"switch_branch", "locus", "fit", "methods", "read_measured", "read_gearbox"}
 OTHERS |= {"read_train", "write_train", "characteristic_frequencies", "write_fmu"}
 OTHERS |= {"state_space", "frequency_response"}
@@ -147,7 +151,7 @@ OTHERS |= {"state_space", "frequency_response"}
 
 def test_every_public_function_is_listed():
     functions = {name for name in gearlib.__all__ if inspect.isfunction(getattr(gearlib, name))}
-    # tests/proofs tries the proofs with all models.
+    # Proofs are tried with all models in tests/proofs.
     proofs = {name for name in functions if name.startswith("certify")}
     trains = {"planetary", "idler", "two_stage", "split_power_reducer"}
     assert set(CALLS) == functions - OTHERS - proofs - trains
@@ -156,12 +160,12 @@ def test_every_public_function_is_listed():
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("call", CALLS)
 def test_every_function_accepts_a_model_or_refuses_it_by_name(call, model):
+    """A refusal is one sentence that names the class, the values or the title of the model."""
     pair = MODELS[model]
     if any(model in models and call in calls.split() for models, calls in REFUSED):
         with pytest.raises(ValueError, match="not allowed") as error:
             CALLS[call](pair)
         message = str(error.value)
-        # By its class, its values or the noun of its titles, in one sentence.
         assert any(name in message for name in (type(pair).__name__, repr(pair), pair.title_noun))
         assert "\n" not in message and ". " not in message
         return
@@ -176,14 +180,15 @@ def test_every_function_accepts_a_model_or_refuses_it_by_name(call, model):
 def reversed_load(model):
     """Return the model with the opposite load."""
     if hasattr(model, "bodies"):
-        return model.replace(bodies=[replace(one, torque=-one.torque) for one in model.bodies])
+        return model.replace(bodies=[replace(body, torque=-body.torque) for body in model.bodies])
     if hasattr(model, "torques"):
         return model.replace(torques=[-torque for torque in model.torques])
     return model.replace(load=-model.load)
 
 
-#: Models -> side that carries the load. The inertia of run-out and of turning frames accelerates.
+#: Run-out and turning frames accelerate a model even in its static state.
 ACCELERATED = ("run-out", "gyroscopic forces")
+#: Models with the side that carries their load.
 LOADED = [(model, 1) for name, model in MODELS.items() if name not in ACCELERATED]
 LOADED += [(reversed_load(MODELS[name]), -1) for name in ("six degrees", "train", "oscillator")]
 
@@ -197,7 +202,9 @@ def test_the_static_state_has_no_acceleration(model, side):
 
 @pytest.mark.parametrize("model", ["gear pair", "pairs of teeth", "six degrees"])
 def test_a_negative_load_rests_on_the_coast_side(model):
-    # These flanks have no relief and no errors, and both sides have one stiffness at phase 0.
+    # Without relief and errors both sides have equal stiffness at phase 0, so that the coast state
+    # is
+    # the mirror image of the drive state.
     gears = MODELS[model].replace(backlash=40e-6)
     drive, coast = (sum(gears.static_state(NU, load)) for load in (1.0, -1.0))
     assert coast == pytest.approx(-gears.backlash_ratio - drive, rel=1e-14)
@@ -212,6 +219,7 @@ def test_without_load_the_flanks_just_touch(model):
 @pytest.mark.parametrize("model", [name for name in MODELS if name not in NO_GEARS])
 def test_a_locus_from_an_ordinary_point_is_refused_in_one_sentence(model):
     pair = MODELS[model]
+    # Labels are set on points that are not special.
     branch = continue_orbit(orbit(pair), to=NU + 0.01, max_points=3)
     for label in (special_points.FOLD, special_points.DOUBLING, special_points.GRAZING):
         branch.label[0] = label

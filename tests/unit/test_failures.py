@@ -1,4 +1,4 @@
-"""Verdicts on methods by difficult problems: every rule, on constructed outcomes; the matrix."""
+"""Verdicts on methods in difficult problems: each rule on constructed outcomes."""
 
 import math
 
@@ -14,7 +14,7 @@ from gearlib.studies.trials.failures import Outcome, classify_run
 PAIR = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6, backlash_ratio=4.0)
 CONTACTS = ((1, 0), (0, 1))
 STALLED = (status.EVENT_LIMIT, status.NOT_CONVERGED, status.STALLED)
-#: A settled orbit of one period, height 2, one bounce a period.
+#: A settled orbit of period 1 with height 2 and one bounce a period.
 REFERENCE = Outcome(status.OK, (1.0, 0.0), -0.5, 1.5, (0.8, 0.2, 0.0), 1.0, 1, CONTACTS)
 CHAOS = REFERENCE._replace(period=0)
 SMALL = REFERENCE._replace(low=0.99, high=1.01)
@@ -24,13 +24,13 @@ AWAY, BESIDE = REFERENCE._replace(state=(2.0, 0.0)), REFERENCE._replace(state=(1
 
 
 def verdict(quantity, reference=REFERENCE, tolerance=1e-2, **changes):
-    """Return the verdict on a reference with some of its values changed; the orbit is (1, 0)."""
+    """Return the verdict and error of an outcome that differs from the reference by `changes`."""
     problem = Problem("", PAIR, 2.0, quantity=quantity, tolerance=tolerance, orbit=(1.0, 0.0))
     return classify_run(problem, reference._replace(**changes), reference)
 
 
 def fractions(normal):
-    """Return changes of an outcome: this fraction of time in drive-side contact, no events."""
+    """Return changes of an outcome without events: `normal` is the time fraction of drive contact."""
     return {"fractions": (normal, 1.0 - normal, 0.0), "contacts": ()}
 
 
@@ -50,10 +50,10 @@ def fractions(normal):
         ("state", REFERENCE, {"state": (1.0, -0.011)}, "inaccurate"),
         # A small motion is measured in static deflections.
         ("state", SMALL, {"state": (1.005, 0.0)}, "right"),
-        # Motion from rest; one that does not repeat may be any height.
+        # A motion that starts at rest must not grow; one that does not repeat may have any height.
         ("state", REST, {"state": (1.5, 0.0), "low": 0.5, "high": 1.5}, "invented_motion"),
         ("state", CHAOS, {"state": (1.5, 0.0), "high": 9.0}, "inaccurate"),
-        # One per cent of the height is the tolerance, five per cent another orbit.
+        # An error of one per cent of the height is tolerated, and five per cent mean another orbit.
         ("orbit", REFERENCE, {"high": 1.515}, "right"),
         ("orbit", REFERENCE, {"high": 1.55, "contacts": ()}, "inaccurate"),
         ("orbit", REFERENCE, {"high": 1.65}, "wrong_attractor"),
@@ -61,18 +61,18 @@ def fractions(normal):
         ("orbit", REFERENCE, {"high": 1.55, "bounces": 2.0}, "wrong_attractor"),
         ("orbit", REFERENCE, {"high": 1.55, **fractions(0.7)}, "wrong_attractor"),
         ("orbit", REFERENCE, {"period": 2, **fractions(0.7)}, "right"),
-        # A larger orbit is another attractor, not an invention.
+        # A larger orbit is another attractor, not an invented motion.
         ("orbit", REFERENCE, {"high": 9.0}, "wrong_attractor"),
-        # Chaos goes by label and fractions.
+        # Chaotic motions are compared by label and fractions of time.
         ("fractions", CHAOS, {"state": (7.0, 7.0), **fractions(0.795)}, "right"),
         ("fractions", CHAOS, fractions(0.77), "inaccurate"),
         ("fractions", CHAOS, fractions(0.7), "wrong_attractor"),
         ("fractions", CHAOS, {"period": 3}, "wrong_attractor"),
-        # (x - 1)^2 / 2 + (nu v)^2 / 2 about the rest position 1: what grows is invented.
+        # The energy is (x - 1)^2 / 2 + (nu v)^2 / 2, and a motion whose energy grows is invented.
         ("energy", AWAY, {"state": (1.0, 0.5)}, "right"),
         ("energy", AWAY, {"state": (2.1, 0.0)}, "invented_motion"),
         ("energy", AWAY, {"state": (1.9, 0.0)}, "inaccurate"),
-        # Deviations from the orbit (1, 0).
+        # Deviations are distances from the orbit (1, 0).
         ("deviation", BESIDE, {"state": (1.002, 0.0)}, "invented_motion"),
         ("deviation", BESIDE, {"state": (1.0, 0.0)}, "inaccurate"),
         ("deviation", BESIDE, {"state": (0.999, 0.0)}, "right"),
@@ -82,14 +82,14 @@ def test_rules_give_verdicts_on_constructed_outcomes(quantity, reference, change
     name, error = verdict(quantity, reference, **changes)
     assert name == expected and math.isnan(error) == ("status" in changes)
     if quantity == "state" and math.isfinite(changes.get("high", 0.0)):
-        # Heights below a static deflection count as one.
+        # Errors of small motions are relative to one static deflection.
         height = max(1.0, reference.high - reference.low)
         x, v = np.abs(np.subtract(changes["state"], reference.state))
         assert error == pytest.approx(max(x, 2.0 * v) / height)
 
 
-# Events of the reference are (1, 0) and (0, 1): contact codes before and after. Counted are events
-# that are missing, spurious or out of order.
+# The reference has the events (1, 0) and (0, 1), contact codes before and after. Events that are
+# missing, spurious or out of order are counted.
 @pytest.mark.parametrize(
     ("contacts", "wrong_count"),
     [((), 2), (CONTACTS[:1], 1), (CONTACTS[::-1], 2), ((*CONTACTS, (1, 0)), 1)]
