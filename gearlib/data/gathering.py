@@ -71,9 +71,7 @@ def _phase_plane(run):
 
     The phase is counted from the start of the record.
     """
-    time_histories = {
-        name for name, variable in run.data_vars.items() if {"phase", "event"} & {*variable.dims}
-    }
+    time_histories = {name for name in run.data_vars if {"phase", "event"} & {*run[name].dims}}
     phase = (run.phase - run.phase[0]).assign_attrs(run.phase.attrs)
     phase.attrs["long_name"] = "mesh phase from the start of the record"
     run = run.drop_encoding().drop_vars(time_histories - _PHASE_PLANE_VARIABLES)

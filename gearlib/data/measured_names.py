@@ -60,10 +60,7 @@ def units_and_description(name):
     Names of observables may have a suffix, as in ``acceleration_bearing_2``; names of coordinates
     and speeds may not.
     """
-    base_names = []
-    for known_name in KNOWN_QUANTITIES:
-        if name == known_name or name.startswith(f"{known_name}_"):
-            base_names.append(known_name)
+    base_names = [base for base in KNOWN_QUANTITIES if name == base or name.startswith(f"{base}_")]
     base_name = max(base_names, key=len, default=None)
     if base_name is None or (base_name != name and base_name not in OBSERVABLES):
         return None

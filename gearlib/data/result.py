@@ -100,7 +100,5 @@ def _origin(title, method):
 
     The source names the version of the library and `method`, the method of computation or None.
     """
-    source = f"gearlib {__version__}"
-    if method:
-        source += f", method {method}"
+    source = f"gearlib {__version__}, method {method}" if method else f"gearlib {__version__}"
     return {"Conventions": "CF-1.11", "title": title, "source": source}

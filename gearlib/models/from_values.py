@@ -24,12 +24,8 @@ from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import declared_parameters
 
 #: Keys of a damping that are arguments of `GearPair.from_geometry`.
-_PAIR_DAMPINGS = (
-    "damping_ratio",
-    "logarithmic_decrement",
-    "material_damping",
-    "backlash_damping_ratio",
-)
+_PAIR_DAMPINGS = ("damping_ratio", "logarithmic_decrement", "material_damping")
+_PAIR_DAMPINGS += ("backlash_damping_ratio",)
 #: Load given to an unloaded mesh, over the largest mesh force of the train.
 _MIN_FORCE_RATIO = 1e-6
 

@@ -425,11 +425,10 @@ class LoadSharingPair(WithPair):
     def slowest_tuning(self) -> float:
         """Tuning, mesh over natural frequency, below which a duty point counts as quasi-static."""
         relative_length = sum(self._corner_lengths) / _TYPICAL_CORNER_LENGTH
-        corner_factor, error_factor = 1.0, 1.0
-        if relative_length:
-            corner_factor = min(max(relative_length, _MIN_CORNER_FACTOR), 1.0)
-        if self.repeats > 1:
-            error_factor = _PITCH_ERROR_FACTOR
+        corner_factor = min(max(relative_length, _MIN_CORNER_FACTOR), 1.0)
+        if relative_length == 0.0:  # There is no corner contact.
+            corner_factor = 1.0
+        error_factor = 1.0 if self.repeats == 1 else _PITCH_ERROR_FACTOR
         return _QUASI_STATIC_TUNING * corner_factor * error_factor
 
     def system(self, tuning: float) -> ToothPairSystem:

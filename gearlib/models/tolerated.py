@@ -82,11 +82,8 @@ def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, flo
     """
     checks.require(hasattr(scatter, "items"), parameter_name, scatter, ALLOWED_SCATTER)
     scatter = dict(scatter)
-    keys: tuple = ()  # all keys of the first kind of description that has the keys of `scatter`
-    for possible_keys in SCATTER_KEYS:
-        if scatter and {*scatter} <= {*possible_keys}:
-            keys = possible_keys
-            break
+    # The first set of keys in SCATTER_KEYS with all keys of `scatter`, which must not be empty.
+    keys: tuple = next((keys for keys in SCATTER_KEYS if scatter and {*scatter} <= {*keys}), ())
     missing_keys = [key for key in keys if key not in scatter]
     is_complete = keys and {*missing_keys} <= {*_OPTIONAL_KEYS}
     checks.require(is_complete, parameter_name, scatter, ALLOWED_SCATTER)

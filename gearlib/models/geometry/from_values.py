@@ -31,10 +31,8 @@ def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -
             common_fields += ["rack", *RACK_FIELDS]
         mate_fields = {name: mate_values[name] for name in common_fields if name in mate_values}
         fields = mate_fields | fields
-    rack_changes = {}
-    for key, rack_field in RACK_FIELDS.items():
-        if key in fields:
-            rack_changes[rack_field] = fields.pop(key)
+    rack_keys = [key for key in RACK_FIELDS if key in fields]
+    rack_changes = {RACK_FIELDS[key]: fields.pop(key) for key in rack_keys}
     if rack_changes:
         # Errors name the keys of the gear in place of the fields of its rack.
         with checks.below("", **{rack_field: key for key, rack_field in RACK_FIELDS.items()}):
@@ -156,9 +154,8 @@ def _check_planet_spacing(sun_mesh: GearStage, count: int, angles: Sequence[floa
     `count` is the number of planets, and `angles`, in rad, are their positions around the sun.
     """
     sorted_angles = sorted(angle % math.tau for angle in angles)
-    spacings = []
-    for angle, next_angle in pairwise([*sorted_angles, sorted_angles[0] + math.tau]):
-        spacings.append(next_angle - angle)
+    neighbours = pairwise([*sorted_angles, sorted_angles[0] + math.tau])
+    spacings = [next_angle - angle for angle, next_angle in neighbours]
     distance = 2.0 * sun_mesh.centre_distance * math.sin(min(*spacings, math.pi) / 2.0)
     tip_diameter = sun_mesh.wheel.tip_diameter
     allowed = (

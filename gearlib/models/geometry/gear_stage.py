@@ -134,11 +134,9 @@ class GearStage:
             if name == "helix_angle" and pinion_value and not wheel.internal:
                 allowed_values.append(-pinion_value)
                 allowed += f", or {-pinion_value!r}, of the opposite hand"
-            is_equal = any(
-                math.isclose(wheel_value, allowed_value, rel_tol=1e-9, abs_tol=1e-12)
-                for allowed_value in allowed_values
-            )
-            checks.require(is_equal, f"wheel.{name}", wheel_value, allowed)
+            tolerances = {"rel_tol": 1e-9, "abs_tol": 1e-12}
+            valid = any(math.isclose(wheel_value, value, **tolerances) for value in allowed_values)
+            checks.require(valid, f"wheel.{name}", wheel_value, allowed)
         if wheel.internal:
             allowed = f"an integer >= {pinion.teeth + 1}"
             checks.require(wheel.teeth > pinion.teeth, "wheel.teeth", wheel.teeth, allowed)
@@ -364,11 +362,8 @@ class GearStage:
         """
         pinion_errors = self.pinion.pitch_errors or (0.0,)
         wheel_errors = self.wheel.pitch_errors or (0.0,)
-        pair_errors = []
-        for i in range(math.lcm(len(pinion_errors), len(wheel_errors))):
-            pinion_error = pinion_errors[i % len(pinion_errors)]
-            pair_errors.append(pinion_error + wheel_errors[i % len(wheel_errors)])
-        return tuple(pair_errors)
+        m, n = len(pinion_errors), len(wheel_errors)
+        return tuple(pinion_errors[i % m] + wheel_errors[i % n] for i in range(math.lcm(m, n)))
 
     @property
     def tooth_stiffness(self) -> str:
@@ -493,9 +488,7 @@ class GearStage:
         The load is the torque of the pinion in N m, or the power in W at the speed in rpm.
         `options` are the arguments of `GearPair.from_geometry` for damping and stiffness.
         """
-        load_argument = ("power", power, "W")
-        if power is None:
-            load_argument = ("torque", torque, "N m")
+        load_argument = ("torque", torque, "N m") if power is None else ("power", power, "W")
         torque = torque_of(torque, power, speed)
         parameters = {
             **self._mesh_parameters(torque=torque, **options),
@@ -634,8 +627,8 @@ class GearStage:
         argument that sets the load, for the error message.
         """
         contact_ratio, stiffness_ratio = parameters["contact_ratio"], parameters["stiffness_ratio"]
-        mean_stiffness = parameters["max_stiffness"]
-        mean_stiffness = mean_stiffness * mean_over_max(contact_ratio, stiffness_ratio)
+        stiffness_quotient = mean_over_max(contact_ratio, stiffness_ratio)
+        mean_stiffness = parameters["max_stiffness"] * stiffness_quotient
         deflection = abs(self.load(torque)) / mean_stiffness
         deflection_ratio = deflection / (MAX_DEFLECTION * self.pinion.module)
         allowed = f"at most {abs(value) / (deflection_ratio or 1.0):.4g} {unit}"

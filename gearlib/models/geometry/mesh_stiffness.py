@@ -273,9 +273,7 @@ class PairCompliance:
         (pinion, wheel), is whether gear bodies twist about their bores.
         """
         self.stage, self.hertz = stage, hertz
-        twists = (twist, twist)
-        if isinstance(twist, (tuple, list)):
-            twists = tuple(twist)
+        twists = tuple(twist) if isinstance(twist, (tuple, list)) else (twist, twist)
         if len(twists) != 2 or not all(isinstance(value, bool) for value in twists):
             raise checks.refusal("twist", twist, "one of False, True, or two of them")
         gears = zip((stage.pinion, stage.wheel), twists, strict=True)
@@ -290,12 +288,9 @@ class PairCompliance:
 
         Phi is the radius of curvature of the flank at the contact point over the base radius.
         """
-        pinion_tooth, wheel_tooth = self._teeth
-        wheel_radius: Any = self.stage.wheel_roll_length(position)
-        return [
-            (pinion_tooth, position / pinion_tooth.base_radius),
-            (wheel_tooth, wheel_radius / wheel_tooth.base_radius),
-        ]
+        curvature_radii = (position, self.stage.wheel_roll_length(position))
+        teeth_with_radii = zip(self._teeth, curvature_radii, strict=True)
+        return [(tooth, radius / tooth.base_radius) for tooth, radius in teeth_with_radii]
 
     def body_compliances(self, position: np.ndarray) -> np.ndarray:
         """Return the compliances of both gear bodies, m/N, with the shape (2, ...).
@@ -354,12 +349,10 @@ def compliance_matrix(pair, positions, forces, coupling=None) -> np.ndarray:
     `coupling` from 0 to 1 they share coupling sqrt(f_i f_j), where f_i is the body compliance of a
     gear under pair i.
     """
-    pinion_compliance, wheel_compliance = (
-        tooth.compliance(phi) for tooth, phi in pair.teeth_with_phi(positions)
-    )
-    body_compliances = pair.body_compliances(positions)
-    pair_compliance = pinion_compliance + wheel_compliance
+    (pinion_tooth, pinion_phi), (wheel_tooth, wheel_phi) = pair.teeth_with_phi(positions)
+    pair_compliance = pinion_tooth.compliance(pinion_phi) + wheel_tooth.compliance(wheel_phi)
     pair_compliance = pair_compliance + pair.contact_compliance(positions, forces)
+    body_compliances = pair.body_compliances(positions)
     diagonal = pair_compliance + body_compliances.sum(axis=0)
     count = positions.shape[1]
     if coupling is None:
@@ -436,11 +429,8 @@ class MeshStiffness:
 
     def ratios(self) -> dict[str, float]:
         """Return max_stiffness, stiffness_ratio and contact_ratio as arguments of a `GearPair`."""
-        return {
-            "max_stiffness": self.max_stiffness,
-            "stiffness_ratio": self.stiffness_ratio,
-            "contact_ratio": self.contact_ratio,
-        }
+        names = ("max_stiffness", "stiffness_ratio", "contact_ratio")
+        return {name: getattr(self, name) for name in names}
 
 
 @checked

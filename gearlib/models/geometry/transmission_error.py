@@ -143,10 +143,8 @@ def _helical_equilibrium(stage, phases, loads, options) -> tuple[ToothPairs, Loa
         pairs = tooth_pairs(stage, phases, load=max(load, light_load), **settings)
         pairs_at_loads.append(pairs)
         equilibria.append(pairs.forces_under_loads([load]))
-    arrays = []
-    for field in fields(LoadSharing):
-        arrays.append(np.concatenate([getattr(sharing, field.name) for sharing in equilibria]))
-    return pairs_at_loads[0], LoadSharing(*arrays)
+    arrays = [[getattr(item, field.name) for item in equilibria] for field in fields(LoadSharing)]
+    return pairs_at_loads[0], LoadSharing(*map(np.concatenate, arrays))
 
 
 def _contact_ratios(stage, pairs, equilibrium, phases) -> list[float]:
@@ -264,10 +262,9 @@ def optimum_relief(
             scaled_amounts.append(length)
             length = np.full(len(points), fixed_length / max_length)
         amounts = []
-        for scaled, deflection, max_amount in zip(
-            scaled_amounts, deflections, max_amounts, strict=True
-        ):
-            amounts.append(np.minimum(scaled / length**2 * deflection, max_amount))
+        for i, scaled_amount in enumerate(scaled_amounts):
+            amount = scaled_amount / length**2 * deflections[i]
+            amounts.append(np.minimum(amount, max_amounts[i]))
         return *amounts, max_length * length
 
     def errors(points, pairs=pairs):
@@ -367,9 +364,7 @@ def _optimum_of_helical(
         relieved = relieved_stage(variables).transmission_error(torque, phases=phases, **options)
         return relieved.peak_to_peak_error.item() / deflection
 
-    lengths: list[tuple] = [()]
-    if fixed_length is None:
-        lengths = [(length,) for length in _HELICAL_LENGTHS]
+    lengths = [(length,) for length in _HELICAL_LENGTHS] if fixed_length is None else [()]
     points = []
     for amount, length in itertools.product(_HELICAL_AMOUNTS, lengths):
         points.append((amount, amount, *length))
