@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from gearlib.models.trains.train import GearTrain
 
-#: Largest differences, in m and rad, of a place that is stated twice.
+#: Largest differences, in m and rad, between two statements of one position.
 _DISTANCE_TOLERANCE, _ANGLE_TOLERANCE = 1e-5, 1e-3
 _GEARS = ("cylindrical_gear", "ring_gear")
 _WIDTH = 80  #: of printed lines
@@ -70,7 +70,7 @@ class Gearbox:
     stages : dict of str to gearlib.gearboxes.gears.Stage
         Cylindrical stages by name.
     refused : dict of str to str
-        Stages that cannot be computed, and the reason.
+        Names of stages that cannot be computed, and the reasons.
     shafts : dict of str to gearlib.gearboxes.parts.Shaft
         Shafts by the id of their component.
     bearings, couplings : list of gearlib.gearboxes.parts.Spring
@@ -81,7 +81,7 @@ class Gearbox:
         Load cases and their fractions of the load duration, NaN if they are not stated; "nominal"
         alone if the file has no load spectrum.
     notes : list of str
-        Where the file contradicts itself, and what is used.
+        Contradictions in the file, and the values that are used.
     """
 
     def __init__(self, model: RexsModel):
@@ -112,53 +112,63 @@ class Gearbox:
 
     @property
     def defaults(self) -> list[str]:
-        """What the file leaves open, with the value in its place and the components."""
+        """Values that the file does not state: the default and the components that have it."""
         return [f"{text}: {', '.join(names)}" for text, names in self._defaults.items()]
 
     def default(self, text: str, part: Component) -> None:
-        """List the text of a default for a component."""
+        """Add a component to the list of those that have the default described by a text."""
         names = self._defaults.setdefault(text, [])
         if part.name not in names:
             names.append(part.name)
 
     def note(self, text: str) -> None:
-        """List a contradiction in the file."""
+        """Add the description of a contradiction in the file to the notes, once."""
         if text not in self.notes:
             self.notes.append(text)
 
     def _read_stages(self) -> dict[str, Stage]:
-        """Return the cylindrical stages by name; other stages are refused."""
+        """Return the cylindrical stages by name, and list the reasons for refusing other stages.
+
+        Raises ValueError if there is no cylindrical stage.
+        """
         carriers = {}  # id of the shaft of a planet -> id of its carrier
         for planetary in self.model.of_type("planetary_stage"):
-            owners = [x for x in self.model.parts_of(planetary) if x.type == "planet_carrier"]
-            for sides in self.model.related("planet_shaft", planetary_stage=planetary):
-                carriers[sides["shaft"].id] = (owners or [planetary])[0].id
-        found = {}
+            carrier_id = planetary.id
+            for part in self.model.parts_of(planetary):
+                if part.type == "planet_carrier":
+                    carrier_id = part.id
+                    break
+            for roles in self.model.related("planet_shaft", planetary_stage=planetary):
+                carriers[roles["shaft"].id] = carrier_id
+        stages = {}
         for part in self.model.components.values():
             if not part.type.endswith("_stage") or part.type == "planetary_stage":
                 continue
-            sides = next(self.model.related("stage", stage=part), {})
-            pair = [sides.get("gear_1"), sides.get("gear_2")]
+            roles = next(self.model.related("stage", stage=part), {})
+            pair = [roles.get("gear_1"), roles.get("gear_2")]
             if part.type != "cylindrical_stage":
-                reason = "a cylindrical_stage, with spur or helical gears"
+                allowed = "a cylindrical_stage, with spur or helical gears"
+                self.refused[part.name] = f"{part} is not allowed: it must be {allowed}"
             elif None in pair or any(gear.id not in self.shaft_of for gear in pair):
-                reason = "a stage of two gears that lie on shafts"
+                allowed = "a stage of two gears that lie on shafts"
+                self.refused[part.name] = f"{part} is not allowed: it must be {allowed}"
             else:
                 pair.sort(key=lambda gear: (gear.type == "ring_gear", gears.teeth(gear)))
-                carried = [carriers.get(self.shaft_of[gear.id].id) for gear in pair]
-                carrier = next(filter(None, carried), None)
-                found[part.name] = Stage(part.name, part, pair[0], pair[1], carrier)
-                continue
-            self.refused[part.name] = f"{part} is not allowed: it must be {reason}"
-        if not found:
-            reasons = "; ".join(self.refused.values())
+                pinion, wheel = pair
+                carrier = carriers.get(self.shaft_of[pinion.id].id)
+                if carrier is None:
+                    carrier = carriers.get(self.shaft_of[wheel.id].id)
+                stages[part.name] = Stage(part.name, part, pinion, wheel, carrier)
+        if not stages:
             problem = "are missing: it must have a cylindrical_stage with two gears"
-            raise InputError("stages", problem=f"{problem}{': ' if reasons else ''}{reasons}")
-        return found
+            if self.refused:
+                problem = f"{problem}: {'; '.join(self.refused.values())}"
+            raise InputError("stages", problem=problem)
+        return stages
 
     @cached_property
     def rotors(self) -> Rotors:
-        """What turns together, and the kinematics."""
+        """The rotors of the box, which are the sets of parts that turn together."""
         return Rotors(self)
 
     def loads(self, load_case: str | None = None) -> Loads:
@@ -171,13 +181,14 @@ class Gearbox:
                 self.note(text)
         return self._loads[case]
 
-    def _named(self, name: str) -> Stage:
+    def _stage_called(self, name: str) -> Stage:
+        """Return the stage with a name, or raise ValueError if there is none."""
         return self.stages[checks.one_of("stage", name, list(self.stages))]
 
     def load(self, stage: str, load_case: str | None = None) -> dict[str, float]:
         """Return the torque (N m) and the speed (rpm) of the pinion of a stage in a load case.
 
-        They have no signs and are arguments of `gearlib.duty_point`. The speed is relative to the
+        Both are magnitudes, and arguments of `gearlib.duty_point`. The speed is relative to the
         line of centres; it is left out if the file states none. By default the load case is the
         first one.
 
@@ -186,62 +197,69 @@ class Gearbox:
         ValueError
             If a torque is missing, or the stage or load case is unknown.
         """
-        name, loads = self._named(stage).name, self.loads(load_case)
+        name, loads = self._stage_called(stage).name, self.loads(load_case)
         if loads.missing is not None:
             raise loads.missing
         load = {"torque": abs(loads.pinion_torques[name])}
         if loads.pinion_speeds is not None:
             load["speed"] = abs(loads.pinion_speeds[name])
-        # The digits beyond are rounding errors of the balance.
-        return {name: float(f"{value:.12g}") for name, value in load.items()}
+        # Digits beyond the twelfth are rounding errors of the balance.
+        return {quantity: float(f"{value:.12g}") for quantity, value in load.items()}
 
     def stage(self, name: str, load_case: str | None = None) -> GearStage:
         """Return the geometry of a stage with the flanks that carry the load in a load case.
 
-        Without a torque these are the left flanks. By default the load case is the first one.
+        Without a torque, the left flanks are taken. By default the load case is the first one.
 
         Raises
         ------
         ValueError
             If the geometry is incomplete or impossible; the message names component and attribute.
         """
-        stage, torque = self._named(name), self.loads(load_case).pinion_torques.get(name, 0.0)
+        stage = self._stage_called(name)
+        torque = self.loads(load_case).pinion_torques.get(name, 0.0)
         sides = [self._loaded_side(gear, torque) for gear in (stage.pinion, stage.wheel)]
         return gears.geometry(self, stage, sides, self.centre_distance(stage))
 
     def _loaded_side(self, gear: Component, torque: float) -> str:
-        """Return the side of the flank that presses for a torque on the pinion, left or right.
+        """Return the side, "left" or "right", of the loaded flank of either gear of a stage.
 
-        Seen on the datum face of a gear with upright teeth, as in ISO 21771, left is on the left.
-        Both gears of a mesh press with flanks on the same side.
+        `torque` acts on the pinion in N m. As in ISO 21771, sides refer to the view on the datum
+        face of a gear with the tooth upright. The loaded flanks of both gears are on the same side.
         """
-        face = str(gear.value("datum_face_orientation") or "negative").lower()
-        towards = 1 if face.startswith("pos") or face == "+" else -1
-        turn = torque * self.places.direction(gear) * towards
-        return "right" if turn < 0.0 or (turn == 0.0 and towards < 0) else "left"
+        datum_face = str(gear.value("datum_face_orientation") or "negative").lower()
+        face_sign = 1 if datum_face.startswith("pos") or datum_face == "+" else -1
+        torque_on_face = torque * self.places.direction(gear) * face_sign
+        if torque_on_face < 0.0 or (torque_on_face == 0.0 and face_sign < 0):
+            return "right"
+        return "left"
 
     def shaft_diameters(self, gear: Component) -> tuple[float, float]:
-        """Return inner and outer diameter of the shaft in the middle of a gear, m; 0 without it."""
+        """Return the inner and outer diameter of the shaft at the middle of a gear, m.
+
+        Both are 0 if the shaft has no section there.
+        """
         shaft = self.shafts[self.shaft_of[gear.id].id]
         middle = sum(self.face(gear)) / 2.0
         for section in shaft.sections:
             if section.start <= middle <= section.end:
                 fraction = (middle - section.start) / (section.end - section.start)
-                inner, outer = (
-                    d[0] + (d[1] - d[0]) * fraction for d in (section.inner, section.outer)
-                )
+                inner = section.inner[0] + (section.inner[1] - section.inner[0]) * fraction
+                outer = section.outer[0] + (section.outer[1] - section.outer[0]) * fraction
                 return inner, outer
         return 0.0, 0.0
 
     def face(self, gear: Component) -> tuple[float, float]:
-        """Return where the face of a gear begins and ends on its shaft, m."""
+        """Return the coordinates on its shaft at which the face of a gear begins and ends, m."""
         width = gear.number("face_width", "m", "for the contact ratios and the stiffness")
         shaft, start = self.shaft_of[gear.id], gear.number("u_coordinate_on_shaft", "m")
         if start is None or self._is_placed(gear, shaft):
-            # Where the middle lies, whatever the coordinate means in this version of the format.
+            # A position means the middle of the gear in every version of the format.
             middle = self.coordinate(gear, shaft)
+        elif self.model.version == "1.0":
+            middle = start + width / 2.0
         else:
-            middle = start + (width / 2.0 if self.model.version == "1.0" else 0.0)
+            middle = start
         return middle - width / 2.0, middle + width / 2.0
 
     def _is_placed(self, part: Component, shaft: Component) -> bool:
@@ -249,58 +267,73 @@ class Gearbox:
         return self.places.position(part) is not None and self.shafts[shaft.id].start is not None
 
     def coordinate(self, part: Component, shaft: Component) -> float:
-        """Return the coordinate on a shaft at which a component lies by its position, m."""
-        others = [x for x in self.model.parts_of(shaft) if x.type in _GEARS and x.id != part.id]
-        if not self._is_placed(part, shaft) and part.type in parts.COUPLINGS and others:
-            self.default(f"lies at {others[0].name}", part)
-            return sum(self.face(others[0])) / 2.0
+        """Return the coordinate of a component on a shaft that follows from its position, m.
+
+        A coupling without a position is placed at another gear of the shaft. Raises ValueError if
+        any other position is missing.
+        """
+        other_gears = [
+            other
+            for other in self.model.parts_of(shaft)
+            if other.type in _GEARS and other.id != part.id
+        ]
+        if not self._is_placed(part, shaft) and part.type in parts.COUPLINGS and other_gears:
+            self.default(f"lies at {other_gears[0].name}", part)
+            return sum(self.face(other_gears[0])) / 2.0
         if not self._is_placed(part, shaft):
             problem = f"is missing: it must be given for the place on {shaft}"
             raise InputError("u_coordinate_on_shaft", problem=problem, owner=str(part))
-        line = self.shafts[shaft.id]
-        return line.direction * float((self.places.position(part) - line.start)[0])
+        axis = self.shafts[shaft.id]
+        return axis.direction * float((self.places.position(part) - axis.start)[0])
 
     def line_of_centres(self, stage: Stage) -> np.ndarray | None:
-        """Return the vector from the axis of the pinion to that of the wheel along v and w, m.
+        """Return the vector (v, w) in m from the axis of the pinion to the axis of the wheel.
 
-        It is None if the file does not state where both of them lie.
+        It is None if the file does not state both positions, or states the same position twice.
         """
-        places = []
+        positions = []
         for gear in (stage.pinion, stage.wheel):
-            place = self.places.position(gear)
-            places.append(
-                place if place is not None else self.shafts[self.shaft_of[gear.id].id].start
-            )
-        if any(place is None for place in places):
+            position = self.places.position(gear)
+            if position is None:
+                position = self.shafts[self.shaft_of[gear.id].id].start
+            positions.append(position)
+        if any(position is None for position in positions):
             return None
-        vector = (places[1] - places[0])[1:]
+        vector = (positions[1] - positions[0])[1:]
         return vector if math.hypot(*vector) > _DISTANCE_TOLERANCE else None
 
     def centre_distance(self, stage: Stage) -> float:
-        """Return the centre distance of a stage, m: that stated, else that of the positions."""
+        """Return the centre distance of a stage in m, as stated or else from the positions.
+
+        Raises ValueError if neither is known; a contradiction is added to the notes.
+        """
         stated, vector = stage.part.number("center_distance", "m"), self.line_of_centres(stage)
-        placed = None if vector is None else math.hypot(*vector)
-        if stated is None and placed is None:
+        by_positions = None if vector is None else math.hypot(*vector)
+        if stated is None and by_positions is None:
             problem = "is missing: it must be given, or support_vector of both gears"
             raise InputError("center_distance", problem=problem, owner=str(stage.part))
-        if None not in (stated, placed) and abs(placed - stated) > _DISTANCE_TOLERANCE:
+        if stated is None:
+            return float(by_positions)
+        if by_positions is not None and abs(by_positions - stated) > _DISTANCE_TOLERANCE:
             self.note(
                 f"center_distance of {stage.part} is {1e3 * stated:.7g} mm, but by support_vector "
-                f"{1e3 * placed:.7g} mm; the first is used"
+                f"{1e3 * by_positions:.7g} mm; the first is used"
             )
-        return float(placed if stated is None else stated)
+        return float(stated)
 
     def centre_line_angle(self, stage: Stage) -> float:
-        """Return the angle from v of the line from the axis of the pinion to that of the wheel.
+        """Return the angle in rad, from v, of the line from the pinion axis to the wheel axis.
 
-        It is that of the positions, else the angle that the stage states, in rad.
+        It follows from the positions of the gears, else it is the angle that the stage states, else
+        0. A contradiction is added to the notes.
         """
         vector = self.line_of_centres(stage)
         stated = stage.part.number("rotating_angle_around_neg_u_axis", "rad")
         if stated is not None:
-            stated = math.pi / 2.0 - stated  # from w towards v
-            first = next(self.model.related("stage", stage=stage.part))["gear_1"]
-            stated += 0.0 if first.id == stage.pinion.id else math.pi
+            # The stated angle runs from w towards v, from the first gear to the second one.
+            stated = math.pi / 2.0 - stated
+            first_gear = next(self.model.related("stage", stage=stage.part))["gear_1"]
+            stated += 0.0 if first_gear.id == stage.pinion.id else math.pi
         if vector is None:
             if stated is None:
                 self.default("the wheel lies along v from the pinion", stage.part)
@@ -319,12 +352,13 @@ class Gearbox:
         return parts.material(self.model, part, self.default)
 
     def planet(self, stage: Stage) -> Component:
-        """Return the gear of a planetary stage that a carrier carries."""
-        shafts = {x["shaft"].id for x in self.model.related("planet_shaft")}
+        """Return the planet of a stage, which is the gear carried by a carrier."""
+        planet_shafts = {roles["shaft"].id for roles in self.model.related("planet_shaft")}
         pair = stage.pinion, stage.wheel
-        return next(gear for gear in pair if self.shaft_of[gear.id].id in shafts)
+        return next(gear for gear in pair if self.shaft_of[gear.id].id in planet_shafts)
 
     def _stages_on(self, carrier: Component) -> list[Stage]:
+        """Return the stages whose planets a carrier carries."""
         return [stage for stage in self.stages.values() if stage.carrier == carrier.id]
 
     def pin_radius(self, carrier: Component) -> float:
@@ -332,9 +366,10 @@ class Gearbox:
         return self.centre_distance(self._stages_on(carrier)[0])
 
     def default_carrier(self, carrier: Component) -> tuple[float, float]:
-        """Return mass (kg) and inertia (kg m^2) of a carrier that the file does not describe.
+        """Return the default mass (kg) and inertia (kg m^2) of a planet carrier.
 
-        It is a disc with the width and material of a planet and the radius of the pins.
+        They are used if the file describes no carrier: a disc with the width and material of a
+        planet and the radius of the pins.
         """
         planet, radius = self.planet(self._stages_on(carrier)[0]), self.pin_radius(carrier)
         width = planet.number("face_width", "m", "for the inertia of the carrier")
@@ -343,7 +378,10 @@ class Gearbox:
         return mass, mass * radius**2 / 2.0
 
     def end_at_planets(self, part: Component, carrier: Component) -> float:
-        """Return the coordinate of the end of a carrier shaft that is next to the planets, m."""
+        """Return the coordinate in m of the end of a carrier shaft that is next to the planets.
+
+        `part` is the component of the shaft.
+        """
         shaft, planet = self.shafts[part.id], self.planet(self._stages_on(carrier)[0])
         u = self.coordinate(planet, part)
         return min(shaft.ends, key=lambda end: abs(end - u))
@@ -360,17 +398,17 @@ class Gearbox:
         options: dict | None = None,
         reference: str | None = None,
     ) -> "GearTrain":
-        """Return the whole box as a gear train in a load case, by default the first one.
+        """Return the whole box as a gear train in a load case.
 
         Parameters
         ----------
         load_case : str, optional
-            Name of a load case.
+            Name of a load case, by default the first.
         bearing_stiffness : float, optional
-            Stiffness of all bearings, N/m. By default bearings have their own; axes without a
-            bearing stiffness are rigid.
+            Stiffness of all bearings, N/m. By default the stiffness that the file states for each
+            bearing; axes without one are rigid.
         damping_ratio : float, default 0.05
-            Damping ratio of each mesh, of its two gears alone.
+            Damping ratio of each mesh, with its two gears alone.
         structural_damping : float, default 1e-6
             Damping of shafts, couplings and bearings over their stiffness, s.
         model, stiffness, options
@@ -381,7 +419,7 @@ class Gearbox:
         Returns
         -------
         GearTrain
-            Meshes have the names of the stages, bodies those of gears, loads and carriers.
+            Meshes are named after the stages, bodies after gears, loads and carriers.
 
         Raises
         ------
@@ -414,32 +452,41 @@ class Gearbox:
         """
         from gearlib.data.result import result_of_many
 
-        placed = {key: x for key, x in self.shafts.items() if x.start is not None}
+        placed = {key: shaft for key, shaft in self.shafts.items() if shaft.start is not None}
         axes = np.array([shaft.start[1:] for shaft in placed.values()]).reshape(-1, 2)
-        across = np.linalg.svd(axes - axes.mean(axis=0))[2][0] if placed else np.array([0.0, 1.0])
+        # The unit vector across the box in which the axes lie furthest apart, upwards along w.
+        across = np.array([0.0, 1.0])
+        if placed:
+            across = np.linalg.svd(axes - axes.mean(axis=0))[2][0]
         across = across * (1.0 if across[1] >= 0.0 else -1.0)
-        found: list[tuple] = []  # (shaft, ends, inner diameters, outer diameters, stage)
+        solids: list[tuple] = []  # (shaft, ends, inner diameters, outer diameters, stage)
         for shaft in placed.values():
-            found += [(shaft, x[:2], x.inner, x.outer, "") for x in shaft.sections]
-        drawn: set = set()
+            for section in shaft.sections:
+                ends = section.start, section.end
+                solids.append((shaft, ends, section.inner, section.outer, ""))
+        added_gears: set = set()
         for name, stage in self.stages.items():
-            geometry = None if name in self.refused else self.stage(name)
-            for gear, side in ((stage.pinion, "pinion"), (stage.wheel, "wheel")):
+            if name in self.refused:
+                continue
+            geometry = self.stage(name)
+            pairs = (stage.pinion, geometry.pinion), (stage.wheel, geometry.wheel)
+            for gear, spur_gear in pairs:
                 shaft = placed.get(self.shaft_of[gear.id].id)
-                if geometry and shaft and gear.id not in drawn:
-                    drawn.add(gear.id)
-                    made = getattr(geometry, side)
-                    ends = made.bore, made.tip_diameter
-                    inner, outer = ends[::-1] if made.internal else ends
-                    outer = made.outer_diameter if made.internal else outer
-                    found.append((shaft, self.face(gear), (inner,) * 2, (outer,) * 2, name))
+                if shaft is None or gear.id in added_gears:
+                    continue
+                added_gears.add(gear.id)
+                if spur_gear.internal:
+                    inner, outer = spur_gear.tip_diameter, spur_gear.outer_diameter
+                else:
+                    inner, outer = spur_gear.bore, spur_gear.tip_diameter
+                solids.append((shaft, self.face(gear), (inner, inner), (outer, outer), name))
         corners, stages = [], []
-        for shaft, ends, inner, outer, name in found:
+        for shaft, ends, inner, outer, name in solids:
             u = shaft.start[0] + shaft.direction * np.array(ends)
-            height = float(shaft.start[1:] @ across)
-            for side in (0.5, -0.5):
-                y = height + side * np.array([*outer, *inner[::-1]])
-                corners.append(np.stack([[*u, *u[::-1]], y], axis=1))
+            axis_height = float(shaft.start[1:] @ across)
+            for half in (0.5, -0.5):  # above and below the axis
+                heights = axis_height + half * np.array([*outer, *inner[::-1]])
+                corners.append(np.stack([[*u, *u[::-1]], heights], axis=1))
                 stages.append(name)
         data = {
             "corner_position": (("part", "corner", "coordinate"), np.reshape(corners, (-1, 4, 2))),
@@ -449,9 +496,10 @@ class Gearbox:
         return result_of_many("Outline of a gearbox", data, coords)
 
     def rows(self, load_case: str | None = None) -> Iterator[list]:
-        """Yield the names of the columns, then the values of each stage in a load case.
+        """Yield the rows of a table of the stages in a load case.
 
-        A value that is not known is None.
+        The first row holds the names of the columns, and each other row the values of a stage. An
+        unknown value is None.
         """
         yield [name for name, _ in _COLUMNS]
         loads = self.loads(load_case)
@@ -464,38 +512,42 @@ class Gearbox:
             ]
 
     def __str__(self) -> str:
-        """Return the tables of all load cases, and what the file leaves open."""
+        """Return tables of stages and loads in all load cases, and lists of defaults and notes."""
         lines = [f"gearbox, REXS {self.model.version}, {self.model.application}".rstrip(", ")]
         for case, fraction in self.load_cases.items():
             share = "" if math.isnan(fraction) else f", {100.0 * fraction:.4g} % of the duration"
             lines += ["", f"load case {case}{share}", *_aligned(self.rows(case))]
             lines += ["", *_aligned(self._load_rows(case))]
-            if (missing := self.loads(case).missing) is not None:
+            missing = self.loads(case).missing
+            if missing is not None:
                 lines += _wrapped(str(missing))
         for title, texts in (
             ("not stated in the file", self.defaults),
             ("contradictions in the file", self.notes),
             ("stages that are not computed", self.refused.values()),
         ):
-            lines += ["", f"{title}:", *(x for text in texts for x in _wrapped(text))] * bool(texts)
+            if texts:
+                lines += ["", f"{title}:"]
+            for text in texts:
+                lines += _wrapped(text)
         return "\n".join(lines)
 
     def _load_rows(self, case: str) -> Iterator[list]:
-        """Yield the rows of the table of external loads, whose torques are counterclockwise."""
+        """Yield the rows of a table of the external loads in a load case, with a row of titles.
+
+        Torques and speeds are positive counterclockwise; None means unknown.
+        """
         yield ["external load", "on", "torque (N m)", "speed (rpm)"]
         loads = self.loads(case)
         for load, part in loads.external:
+            torque = None if loads.missing else loads.torques[load.id]
             speed = None if loads.speeds is None else loads.speeds[part.id]
-            yield [
-                load.name,
-                part.name,
-                loads.torques[load.id] if not loads.missing else None,
-                speed,
-            ]
+            yield [load.name, part.name, torque, speed]
 
 
-def _product(first: float | None, second: float) -> float | None:
-    return None if first is None else first * second
+def _product(value: float | None, factor: float) -> float | None:
+    """Return a value times a factor, or None if the value is unknown."""
+    return None if value is None else value * factor
 
 
 #: Name and unit of a column of the table of the stages, and its value from the name of a stage, its
@@ -525,27 +577,33 @@ _COLUMNS: tuple = (
 
 
 def _wrapped(text: str) -> list[str]:
-    """Return the lines of a text of a list."""
+    """Wrap an entry of a printed list and return its lines, indented."""
     return textwrap.wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="    ")
 
 
 def _aligned(rows: Iterable[list]) -> list[str]:
-    """Return rows of cells as lines with aligned columns; numbers have six digits.
+    """Format a table and return its lines, with aligned columns.
 
-    Columns that do not fit on a line follow below, after the first column.
+    The first column is repeated in front of columns that do not fit on the line and follow below.
     """
-    texts = [
-        ["-" if x is None else f"{x + 0.0:.6g}" if isinstance(x, float) else str(x) for x in row]
-        for row in rows
-    ]
+    texts = [[_cell_text(value) for value in row] for row in rows]
     widths = [max(map(len, column)) + 2 for column in zip(*texts, strict=True)]
-    blocks: list[list[int]] = []
+    blocks: list[list[int]] = []  # numbers of the columns that are printed side by side
     for i, width in enumerate(widths[1:], 1):
         if not blocks or widths[0] + sum(widths[j] for j in blocks[-1]) + width > _WIDTH:
             blocks.append([])
         blocks[-1].append(i)
-    return [
-        "".join(row[i].ljust(widths[i]) for i in [0, *block]).rstrip()
-        for block in blocks
-        for row in texts
-    ]
+    lines = []
+    for block in blocks:
+        for row in texts:
+            lines.append("".join(row[i].ljust(widths[i]) for i in [0, *block]).rstrip())
+    return lines
+
+
+def _cell_text(value: Any) -> str:
+    """Return the text of a table cell: "-" for None, six digits for a float."""
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value + 0.0:.6g}"
+    return str(value)
