@@ -122,12 +122,9 @@ class Perturbation:
             self.vector = None
         full_state = propagator.initial_state(state)
         _, log_growths, code = self.propagate(propagator, full_state, periods, first_period)
-        if code == status.OK:
-            total_growths = np.cumsum(log_growths)
-        else:
-            total_growths = np.full(periods, math.inf)
-        exceeds = self.log_length + max(float(total_growths.max()), 0.0) > MAX_LOG_GROWTH
-        self.log_length = min(max(self.log_length + float(total_growths[-1]), 0.0), MAX_LOG_GROWTH)
+        growths = np.cumsum(log_growths) if code == status.OK else np.full(periods, math.inf)
+        exceeds = self.log_length + max(float(growths.max()), 0.0) > MAX_LOG_GROWTH
+        self.log_length = min(max(self.log_length + float(growths[-1]), 0.0), MAX_LOG_GROWTH)
         return exceeds
 
 
@@ -147,14 +144,11 @@ def largest_exponent(
     state = propagator.initial_state(state)
     bound = UNBOUNDED_FACTOR * np.maximum(model.extent, stroboscope.size(state[None]))
     # During the transient any perturbation turns into the direction of fastest growth.
-    stages = [(0, settle), (settle, periods)]  # first mesh period, number of mesh periods
-    if not settle:
-        stages = [(0, periods)]
-    for first_period, period_count in stages:
+    # Each stage has a first mesh period and a number of mesh periods.
+    stages = ((0, settle), (settle, periods)) if settle else ((0, periods),)
+    for first_period, count in stages:
         previous_size = stroboscope.size(state[None])
-        state, log_growths, code = perturbation.propagate(
-            propagator, state, period_count, first_period
-        )
+        state, log_growths, code = perturbation.propagate(propagator, state, count, first_period)
         if code != status.OK:
             return Exponent(math.nan, math.nan, math.nan, periods, code)
         if perturbation.vector is None:
@@ -164,10 +158,9 @@ def largest_exponent(
         return Exponent(math.nan, math.nan, math.nan, periods, status.OVERFLOW)
     batches = np.array_split(log_growths, min(BATCHES, periods))
     batch_means = np.array([batch.mean() for batch in batches])
-    standard_error = math.inf
-    if batch_means.size > 1:
-        standard_error = float(batch_means.std(ddof=1) / math.sqrt(batch_means.size))
-    return Exponent(float(log_growths.mean()), standard_error, float(log_growths.sum()), periods)
+    count = batch_means.size
+    error = float(batch_means.std(ddof=1) / math.sqrt(count)) if count > 1 else math.inf
+    return Exponent(float(log_growths.mean()), error, float(log_growths.sum()), periods)
 
 
 def rounding_grows(
@@ -307,14 +300,9 @@ def lyapunov_exponents(
             return np.nan, np.nan, -1
         if not np.isfinite(initial_states[i]).all():
             return np.nan, np.nan, status.NO_START
-        exponent = largest_exponent(
-            case_model,
-            case_tuning,
-            state=tuple(initial_states[i]),
-            settle=settle,
-            periods=periods,
-            max_events=max_events,
-        )
+        settings = {"settle": settle, "periods": periods, "max_events": max_events}
+        state = tuple(initial_states[i])
+        exponent = largest_exponent(case_model, case_tuning, state=state, **settings)
         return exponent.value, exponent.uncertainty, exponent.status
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
@@ -325,7 +313,7 @@ def lyapunov_exponents(
         "uncertainty": (parameter, table[:, 1]),
         "status": (parameter, table[:, 2].astype(np.int8)),
     }
-    settings = {"parameter": parameter, "tuning": tuning, "settle": settle, "periods": periods}
+    attributes = {"parameter": parameter, "tuning": tuning, "settle": settle, "periods": periods}
     title, coords = "Largest Lyapunov exponents of a gear mesh", {parameter: values}
-    dataset = result(title, model, data, coords, method="variational maps", **settings)
+    dataset = result(title, model, data, coords, method="variational maps", **attributes)
     return limit.mark(dataset, **{parameter: table[:, 2] >= 0})

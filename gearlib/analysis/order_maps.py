@@ -207,8 +207,7 @@ def order_map(
             f"resolution = {resolution!r} is not allowed for this run: a block must have "
             f"{revolutions} whole revolutions, and the run has {run_revolutions:.4g}"
         )
-    if highest is None:
-        highest = motion.max_order
+    highest = motion.max_order if highest is None else highest
     # The orders are 0, 1 / revolutions, 2 / revolutions, ... up to the highest.
     order_count = int(highest * revolutions + 1e-9) + 1
     if isinstance(motion, RigSignal):
@@ -251,17 +250,9 @@ def _run_sums(
             f"it must be at most {max_order:.4g}, orders with four samples a wave"
         )
     # Wave numbers are in waves per radian of the mesh phase.
-    wave_number_step = 1.0 / (motion.teeth * revolutions)
-    block_length = math.tau / wave_number_step
-    sums = fourier(
-        motion.phase,
-        motion.values,
-        motion.jumps,
-        block_length,
-        block_count,
-        wave_number_step,
-        order_count,
-    )
+    step = 1.0 / (motion.teeth * revolutions)
+    blocks = math.tau / step, block_count, step, order_count
+    sums = fourier(motion.phase, motion.values, motion.jumps, *blocks)
     _check_changes(sums, motion.phase)
     return sums
 
@@ -298,17 +289,11 @@ def _signal_sums(
     sums = FourierSums(
         np.array(coefficients)[order], np.array(changes)[order], np.array(mean_squares)[order]
     )
-    start_times, end_times, directions = np.array(blocks)[order].T
-    return sums, start_times, end_times, directions
+    return sums, *np.array(blocks)[order].T
 
 
 def _motion(
-    run: Any,
-    variable: str,
-    highest: float | None,
-    tacho: Any,
-    pulses_per_revolution: int,
-    teeth: int,
+    run, variable: str, highest: float | None, tacho: Any, pulses_per_revolution: int, teeth: int
 ) -> Motion | RigSignal:
     """Return the samples of a variable as a `Motion` of a run, or as a measured `RigSignal`.
 
@@ -320,9 +305,8 @@ def _motion(
     checks.one_of("variable", variable, tuple(_VARIABLES))
     condition = "for a run-up, whose shaft angle is known"
     checks.require(tacho is None, "tacho", tacho, f"None {condition}")
-    allowed = f"1 {condition}"
-    is_one = pulses_per_revolution == 1
-    checks.require(is_one, "pulses_per_revolution", pulses_per_revolution, allowed)
+    if pulses_per_revolution != 1:
+        raise checks.refusal("pulses_per_revolution", pulses_per_revolution, f"1 {condition}")
     simulated_names = {"mesh_frequency", "static_deflection", "force_scale", "contact", *_VARIABLES}
     is_simulation = simulated_names <= names and run.displacement.dims[0] == "phase"
     is_run_up = names >= {variable, "time", "speed", "phase"} and "time" in run.sizes
@@ -334,9 +318,7 @@ def _motion(
 
 def _name_of_run(run: Any) -> Any:
     """Return the title or type of a dataset for an error message; other objects are returned."""
-    if not hasattr(run, "attrs"):
-        return run
-    return run.attrs.get("title", type(run).__name__)
+    return run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
 
 
 def _check_status(run: xr.Dataset) -> None:
@@ -373,8 +355,7 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
     if is_run_up:
         # The variable or its slope may jump at corners of the courses and at contact events.
         times = [row[0] for row in (*parameters["speed"], *parameters["load"])]
-        if "event_time" in run:
-            times.extend(run.event_time.values)
+        times.extend(run.event_time.values if "event_time" in run else ())
         event_phases = math.tau * teeth * ShaftRotation(speed_course).revolutions(np.array(times))
     else:
         event_phases = _event_phases(run)
@@ -394,8 +375,7 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
 def _event_phases(run: xr.Dataset) -> np.ndarray:
     """Return the phases of start, end and contact events of a run, rad since the first sample."""
     end_phase = math.tau * recorded_periods(run)
-    contact_phases = run.event_phase.values - run.phase.values[0]
-    return np.array([0.0, end_phase, *contact_phases])
+    return np.array([0.0, end_phase, *(run.event_phase.values - run.phase.values[0])])
 
 
 def _attributes(run: xr.Dataset, *names: str) -> dict:
@@ -427,8 +407,7 @@ def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarr
         first_period = (start_phase - math.tau) // period
         last_period = (end_phase + math.tau) // period
         period_starts = period * np.arange(first_period, last_period + 1.0)
-        switch_phases = (period_starts[:, None] + switches).ravel() - start_phase
-        phases = np.concatenate([phases, switch_phases])
+        phases = np.concatenate([phases, (period_starts[:, None] + switches).ravel() - start_phase])
     phases = np.sort(phases)
     return phases[np.diff(phases, prepend=-np.inf) > PHASE_TOLERANCE]
 
@@ -544,9 +523,7 @@ def _integration_weights(phase: np.ndarray, jumps: np.ndarray, length: float) ->
 
 def _samples_per_period(phase: np.ndarray) -> int:
     """Return the number of samples in a mesh period, from the median step of phases in rad."""
-    if phase.size <= 1:
-        return 1
-    return round(math.tau / float(np.median(np.diff(phase))))
+    return round(math.tau / float(np.median(np.diff(phase)))) if phase.size > 1 else 1
 
 
 def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
@@ -564,19 +541,12 @@ def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
 
 
 def _dataset(
-    motion: Motion | RigSignal,
-    variable: str,
-    amplitude: str,
-    sums: FourierSums,
-    indices: np.ndarray,
-    revolutions: int,
-    start_times: np.ndarray,
-    end_times: np.ndarray,
-    rpm: np.ndarray,
+    motion, variable, amplitude, sums, indices, revolutions, start_times, end_times, rpm
 ) -> xr.Dataset:
     """Return the order map of a variable as the dataset of `order_map`.
 
-    The orders are `indices` / `revolutions`, where `revolutions` is the number of revolutions of a
+    `motion` is a `Motion` or a `RigSignal`, and `sums` are the `FourierSums` of its blocks. The
+    orders are `indices` / `revolutions`, where `revolutions` is the number of revolutions of a
     block. Blocks extend from `start_times` to `end_times` in s and have the mean speeds `rpm`.
     """
     means = np.abs(sums.coefficients[:, 0])
@@ -706,8 +676,7 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
             + (f", or of the {orbit_periods} periods of the orbit" if orbit_periods else "")
         )
     max_count = max(run.phase.size // periods // 4, 1)
-    if count is None:
-        count = min(10, max_count)
+    count = min(10, max_count) if count is None else count
     checks.require(count <= max_count, "count", count, f"an integer from 1 to {max_count}")
     steps_per_order = periods if fractional_orders else 1
     length = math.tau * periods
@@ -722,10 +691,9 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
         ("force", run.dynamic_force.values * float(run.force_scale), "dynamic_force"),
         ("error", transmission_error(run) * float(run.static_deflection), "displacement"),
     ):
-        extended_values = values
+        extended_values, jumps = values, _jumps(run, variable, _event_phases(run))
         if is_periodic:
             extended_values = np.concatenate([values[-margin:], values, values[:margin]])
-        jumps = _jumps(run, variable, _event_phases(run))
         step = 1.0 / steps_per_order
         sums[name] = values, fourier(phase, extended_values, jumps, length, 1, step, order_count)
     return np.arange(order_count) / steps_per_order, sums
@@ -759,8 +727,6 @@ def transmission_error(run: xr.Dataset) -> np.ndarray:
         return displacement
     # The amplitudes of the deviation in m become static deflections.
     phase, scale = run.phase.values, 1.0 / run.static_deflection.item()
+    # Each harmonic has the order k and the amplitudes a and b of cosine and sine.
     waves = Harmonics(deviation["cosines"], deviation["sines"]).table(scale)
-    return displacement - sum(
-        cosine * np.cos(order * phase) + sine * np.sin(order * phase)
-        for order, cosine, sine in waves
-    )
+    return displacement - sum(a * np.cos(k * phase) + b * np.sin(k * phase) for k, a, b in waves)

@@ -405,9 +405,9 @@ def _repairs(times: np.ndarray) -> tuple:
 
 
 def _deviations(times: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return for each interval between tacho pulses the expected less the counted pulses.
+    """Return the expected minus the counted number of pulses of each interval between pulses.
 
-    `times` in s and `counts`, shape (k,), are the times and numbers of the pulses. The expected
+    `times` in s and `counts`, shape (k,), are the times and numbers of tacho pulses. The expected
     number is the duration of the interval times the pulse rate in its middle, from a line through
     the rates of a neighbour on each side, which is exact for constant acceleration. The median
     over several pairs of neighbours is robust against a single wrong neighbour.

@@ -192,11 +192,8 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
             if not isinstance(result, xr.DataArray):
                 result = xr.DataArray(float_array(result))
             result = result.to_dataset(name=result.name or "value")
-        variables = {
-            variable_name: array
-            for variable_name, array in result.data_vars.items()
-            if array.dtype.kind == "f"
-        }
+        arrays = result.data_vars.items()
+        variables = {key: array for key, array in arrays if array.dtype.kind == "f"}
         is_numeric = any(array.size for array in variables.values())
         checks.require(is_numeric, "call", call, "a function that returns numbers or a dataset")
         return variables, contacts
@@ -208,8 +205,8 @@ def _derivative(run: Callable, variable: Any, title: str, value: float, scale: f
     """Return (derivative, error estimate) of a result at a parameter value; warn if unreliable.
 
     `run` is a function of `_run_function`, `variable` the name of one of its results, `title` a
-    description of the derivative for warnings, and `scale` the unit of the differences of the
-    parameter.
+    description of the derivative for warnings, and `scale` the scale of the parameter, to which the
+    steps of the difference quotients are relative.
     """
     variables_at_value, contacts = run(value)
     shape = variables_at_value[variable].shape

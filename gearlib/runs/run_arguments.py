@@ -43,9 +43,7 @@ def tuning_of(model, tuning: float | None, speed: float | None) -> float:
     One of the two must be None; otherwise, or if the speed is invalid, raise ValueError.
     """
     check_either(model, "tuning", tuning, "speed", speed)
-    if tuning is None:
-        return tuning_at_speed(model, "speed", speed)
-    return tuning
+    return tuning_at_speed(model, "speed", speed) if tuning is None else tuning
 
 
 def tuning_at_speed(model, name: str, speed: float) -> float:

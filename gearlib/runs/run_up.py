@@ -157,15 +157,9 @@ def run_up(
     description = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples_per_period}"
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
     limit = Limit(max_seconds)
-    course_run = speed_courses.run_courses(
-        runner,
-        pieces,
-        start_state,
-        samples_per_period,
-        max_events,
-        inertia_accelerations,
-        model.periods_per_revolution,
-    )
+    teeth = model.periods_per_revolution
+    arguments = start_state, samples_per_period, max_events, inertia_accelerations, teeth
+    course_run = speed_courses.run_courses(runner, pieces, *arguments)
     records = list(limit.each(with_bar("parts of the run-up", course_run)))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
@@ -177,10 +171,8 @@ def run_up(
     if code != status.OK:
         # The numbers of a failed run are NaN, or 0 for integers.
         for name, (dims, values) in data.items():
-            if values.dtype.kind == "f":
-                data[name] = dims, np.full(values.shape, np.nan)
-            else:
-                data[name] = dims, 0 * values
+            is_float = values.dtype.kind == "f"
+            data[name] = dims, np.full(values.shape, np.nan) if is_float else 0 * values
     for name in data.keys() & _SI_VARIABLES.keys():
         units, long_name = _SI_VARIABLES[name]
         data[name] = *data[name], {"units": units, "long_name": long_name}

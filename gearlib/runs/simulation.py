@@ -95,14 +95,8 @@ def simulate(
     arguments = check_run(
         model, periods, record_periods, initial_state, method, options, max_events
     )
-    record, followed_periods = _run(
-        model,
-        tuning,
-        arguments,
-        samples_per_period,
-        verify_period=True,
-        until_settled=until_settled,
-    )
+    settings = {"verify_period": True, "until_settled": until_settled}
+    record, followed_periods = _run(model, tuning, arguments, samples_per_period, **settings)
     first_sample = (periods - record_periods) * samples_per_period
     sample_numbers = first_sample + np.arange(len(record.samples))
     codes = np.array([record.period, record.status])

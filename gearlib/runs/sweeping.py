@@ -144,9 +144,7 @@ def sweep(
     return limit.mark(dataset, tuning=rows.codes[:, 1] >= 0)
 
 
-def _run_sweep(
-    model, tunings, arguments: RunArguments, direction: str, threads: int, limit: Limit
-) -> Rows:
+def _run_sweep(model, tunings, arguments: RunArguments, direction, threads: int, limit) -> Rows:
     """Run a model at all tunings of a sweep; return its `Rows`, with a row for each tuning.
 
     `tunings`, shape (n,), may have any order. `direction` is "cold", "up" or "down"; only a cold
@@ -176,10 +174,7 @@ def _run_sweep(
     # The kernel of a `GearPair` takes an array of tunings at once, others one after the other.
     takes_arrays = arguments.method == "exact" and model.pair is model and not limit.is_set
     if is_warm_started or threads == 1 or len(chunks) < 2:
-        if takes_arrays:
-            run_tunings(order)
-        else:
-            run_tunings(with_bar("tunings", limit.each(order), order.size))
+        run_tunings(order if takes_arrays else with_bar("tunings", limit.each(order), order.size))
     else:
         parts = chunks if takes_arrays else map(limit.each, chunks)
         # Kernels release the interpreter lock, so threads run in parallel.

@@ -211,9 +211,7 @@ def _contact_names(pattern: tuple) -> str:
 def _complex_text(real: Enclosure, imaginary: Enclosure) -> str:
     """Return a complex number as text, without its imaginary part if that is exactly 0."""
     is_real = not imaginary.low and not imaginary.high
-    if is_real:
-        return f"{real}"
-    return f"{real}, i ({imaginary})"
+    return f"{real}" if is_real else f"{real}, i ({imaginary})"
 
 
 def json_value(value: Any, exact: bool = False) -> Any:
@@ -229,6 +227,4 @@ def json_value(value: Any, exact: bool = False) -> Any:
         return {name: json_value(item, exact) for name, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [json_value(item, exact) for item in value]
-    if exact and isinstance(value, float):
-        return value.hex()
-    return value
+    return value.hex() if exact and isinstance(value, float) else value

@@ -193,9 +193,7 @@ def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, 
     mesh = BallMesh(
         name="mesh",
         rows=(unit_row, unit_row),
-        constants=tuple(
-            -arb(position) if math.isfinite(position) else None for position in flank_positions
-        ),
+        constants=tuple(-arb(x) if math.isfinite(x) else None for x in flank_positions),
         stiffness=[[arb(level) for level in levels] for levels in stiffness],
         damping=(coast, drive),
         backlash_damping=free,
@@ -276,10 +274,7 @@ def _train_in_balls(train, tuning: float) -> BallModel:
         max_stiffness = arb(mesh.max_stiffness)
         coast_constant, drive_constant = constants[:, j]
         # Without coast-side contact the coast side has no flank distance.
-        if math.isinf(mesh.backlash):
-            coast_constant = None
-        else:
-            coast_constant = coast_constant + mesh.backlash
+        coast_constant = None if math.isinf(mesh.backlash) else coast_constant + mesh.backlash
         # The phase of the pitch point in mesh periods is rounded once, and exact thereafter.
         pitch_phase = Fraction(train.pitch_phases[mesh.name] / math.tau)
         thickness = thickness_difference(mesh, train.speeds_at(mesh))

@@ -50,9 +50,7 @@ class Node(NamedTuple):
 
         The distance increases if the contact code increases.
         """
-        if self.after > self.before:
-            return rate > 0
-        return rate < 0
+        return rate > 0 if self.after > self.before else rate < 0
 
 
 class Arc(NamedTuple):
