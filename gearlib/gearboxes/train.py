@@ -1,11 +1,11 @@
 """`Gearbox.train`: the whole box as a `GearTrain` of gears, shafts and meshes.
 
-The nodes of a shaft are its gears and, beside their faces, loads, couplings and bearings with a
+The nodes of a shaft are its gears and, outside their faces, loads, couplings and bearings with a
 stiffness. Springs run between facing faces, and half of their inertia goes to each end; the rest of
 a shaft belongs to the node that it passes, or at which it ends. A gear is a cylinder of its
 reference diameter around the shaft, a ring gear a ring from there to its rim. Rigid couplings join
-nodes to one body, as do the parts of a planet carrier. Where bearings have a stiffness, nodes move
-across the axis, and sections between them resist as beams whose ends do not tilt.
+nodes to one body, and so do planet carriers with their parts. Where bearings have a stiffness,
+nodes move across the axis, and sections between them resist as beams whose ends do not tilt.
 """
 
 import math
@@ -25,9 +25,9 @@ from gearlib.models.trains.train import GearTrain
 if TYPE_CHECKING:
     from gearlib.gearboxes.gearbox import Gearbox
 
-#: Smaller distances between faces and coordinates, in m, count as 0.
+#: Distances between faces and coordinates, in m, below this count as 0.
 _TOUCHING = 1e-9
-#: Load of an unloaded mesh over the largest one.
+#: Force that an unloaded mesh gets, over the largest mesh force.
 _LEAST_LOAD = 1e-6
 
 
@@ -35,15 +35,21 @@ class _Node:
     """Parts that turn as one body, between two coordinates of a shaft."""
 
     def __init__(self, parts: list, shaft: Any = None, start: float = 0.0, end: float = 0.0):
+        """Create a node of components without mass.
+
+        `shaft` is the component of the shaft, None for a carrier; `start` and `end` are coordinates
+        on it in m.
+        """
         self.parts, self.shaft, self.start, self.end = parts, shaft, start, end
         self.mass = self.inertia = self.torque = self.torsional_stiffness = 0.0
-        #: Stiffness of its axis, N/m; None: as that of the body to which it belongs, else rigid.
+        #: Stiffness of its axis, N/m; None: as of the body to which it belongs, else rigid.
         self.support: float | None = None
+        #: The node to which this node was joined, or itself.
         self.owner = self
 
     @property
     def gear(self) -> Component | None:
-        """The gear among the parts, or None."""
+        """The gear among the parts, or None; raises ValueError if there are several."""
         gears = [part for part in self.parts if part.type.endswith("_gear")]
         if len(gears) > 1:
             problem = "are joined rigidly, which is not allowed: a shaft must lie between them"
@@ -52,45 +58,61 @@ class _Node:
 
     @property
     def name(self) -> str:
-        """The name of the body: that of its gear, carrier or load, else of a spring on a shaft."""
-        named = [x for x in self.parts if x.type in ("planet_carrier", "external_load")]
-        if self.gear or named:
-            return (self.gear or named[0]).name
+        """The name of the body: of its gear, carrier or load, else of a spring and its shaft."""
+        if self.gear:
+            return self.gear.name
+        for part in self.parts:
+            if part.type in ("planet_carrier", "external_load"):
+                return part.name
         return f"{self.parts[0].name}, {self.shaft.name}"
 
     def body(self) -> "_Node":
-        """Return the node that stands for all nodes that are joined to this one."""
+        """Return the node that represents all nodes joined to this one."""
         return self if self.owner is self else self.owner.body()
 
     def join(self, other: "_Node") -> None:
-        """Join the body of this node with that of another one."""
-        mine, others = self.body(), other.body()
-        if mine is not others:
-            others.owner = mine
-            mine.parts = mine.parts + others.parts
-            for name in ("mass", "inertia", "torque", "torsional_stiffness"):
-                setattr(mine, name, getattr(mine, name) + getattr(others, name))
-            supports = [x for x in (mine.support, others.support) if x is not None]
-            mine.support = sum(supports) if supports else None
+        """Join the body of another node to the body of this node, which gets its mass and loads."""
+        body, other_body = self.body(), other.body()
+        if body is other_body:
+            return
+        other_body.owner = body
+        body.parts = body.parts + other_body.parts
+        body.mass += other_body.mass
+        body.inertia += other_body.inertia
+        body.torque += other_body.torque
+        body.torsional_stiffness += other_body.torsional_stiffness
+        if body.support is None:
+            body.support = other_body.support
+        elif other_body.support is not None:
+            body.support += other_body.support
 
 
 class _Assembly:
-    """The nodes and springs of a gearbox."""
+    """The nodes and springs of a gearbox, from which its gear train is made."""
 
     def __init__(self, box, load_case, bearing_stiffness, gears: dict[str, SpurGear]):
+        """Create the nodes and springs of all shafts that take part in a mesh.
+
+        `load_case` is a name or None for the first one, `bearing_stiffness` in N/m replaces the
+        stated stiffnesses unless it is None, and `gears` maps ids of components to geometries.
+        """
         self.box, self.model, self.gears = box, box.model, gears
         self.loads = box.loads(load_case)
         bearings = box.bearings
         if bearing_stiffness is not None:
-            bearings = [x._replace(stiffness=bearing_stiffness) for x in bearings]
-        self.bearings = [x for x in bearings if x.stiffness and x.stiffness < RIGID]
+            bearings = [bearing._replace(stiffness=bearing_stiffness) for bearing in bearings]
+        #: Elastic bearings.
+        self.bearings = [
+            bearing for bearing in bearings if bearing.stiffness and bearing.stiffness < RIGID
+        ]
         self.nodes: list[_Node] = []
-        self.springs: list[tuple] = []  #: (node, node, N m/rad, N/m)
+        #: Tuples (node, node, torsional stiffness in N m/rad, bending stiffness in N/m).
+        self.springs: list[tuple] = []
         #: (id of a load, coupling or bearing, id of the part that has it) -> node
         self.places: dict[tuple, _Node] = {}
         self.rigid_parts: dict[str, _Node] = {}  #: id of a carrier or of a part of it -> its node
-        for carrier in {x.carrier for x in box.stages.values() if x.carrier}:
-            self._add_carrier(self.model.components[carrier])
+        for carrier_id in {stage.carrier for stage in box.stages.values() if stage.carrier}:
+            self._add_carrier(self.model.components[carrier_id])
         for part in self.model.of_type("shaft"):
             rotor = box.rotors.rotor(part.id)
             if rotor in box.rotors.turning and part.id not in self.rigid_parts:
@@ -102,19 +124,18 @@ class _Assembly:
         node = _Node([carrier])
         self.nodes.append(node)
         rotor = self.box.rotors.rotor(carrier.id)
-        pins = {x["shaft"].id for x in self.model.related("planet_pin")}
+        pin_ids = {roles["shaft"].id for roles in self.model.related("planet_pin")}
         for part in self.model.components.values():
             if self.box.rotors.rotor(part.id) != rotor:
                 continue
             if part.type == "side_plate":
-                outer, inner, length = (
-                    part.number(name, "m") or 0.0
-                    for name in ("outer_diameter", "inner_diameter", "length")
-                )
+                outer = part.number("outer_diameter", "m") or 0.0
+                inner = part.number("inner_diameter", "m") or 0.0
+                length = part.number("length", "m") or 0.0
                 density = self.box.material(part)[0].density
                 node.mass += math.pi / 4.0 * density * length * (outer**2 - inner**2)
                 node.inertia += math.pi / 32.0 * density * length * (outer**4 - inner**4)
-            elif part.id in pins:
+            elif part.id in pin_ids:
                 pin = self.box.shafts[part.id]
                 mass = pin.mass(*pin.ends)
                 node.mass += mass
@@ -124,7 +145,10 @@ class _Assembly:
             self.rigid_parts[part.id] = node
 
     def _items(self, part: Component) -> list[tuple]:
-        """Return (start, end, component) of all that a shaft carries, in their order."""
+        """Return all that a shaft carries as tuples (start, end, component), in their order.
+
+        `start` and `end` are coordinates on the shaft in m, equal for loads and springs.
+        """
         items = [
             (*self.box.face(gear), gear)
             for gear in self.model.parts_of(part)
@@ -146,172 +170,219 @@ class _Assembly:
                 items.append((u, u, carrier))
         return sorted(items, key=lambda item: item[:2])
 
-    def _is_welded(self, part: Component, carrier: str) -> bool:
-        """Return whether a shaft belongs to a carrier without a coupling that joins them."""
+    def _is_welded(self, part: Component, carrier_id: str) -> bool:
+        """Return whether a shaft turns with a carrier and no coupling joins it to another part."""
         rotors = self.box.rotors
-        coupled = [{x.inner[0].id, x.outer[0].id} for x in self.box.couplings]
-        return rotors.rotor(part.id) == rotors.rotor(carrier) and not any(
-            part.id in ends and len(ends - rotors.casings) == 2 for ends in coupled
-        )
+        if rotors.rotor(part.id) != rotors.rotor(carrier_id):
+            return False
+        for coupling in self.box.couplings:
+            ends = {coupling.inner[0].id, coupling.outer[0].id}
+            if part.id in ends and len(ends - rotors.casings) == 2:
+                return False
+        return True
 
     def _add_shaft(self, part: Component) -> None:
-        """Add the nodes and springs of a shaft."""
+        """Add the nodes and springs of a shaft, given by its component."""
         shaft, nodes = self.box.shafts[part.id], []
         for start, end, item in self._items(part):
-            last = nodes[-1] if nodes else None
+            previous = nodes[-1] if nodes else None
             is_gear = item.id in self.gears
-            if last and start <= last.end + _TOUCHING and not (is_gear and last.gear):
-                last.start = start if is_gear else last.start
-                last.end = max(last.end, end)
-                last.parts.append(item)
-            elif last and not shaft.sections and not (is_gear and last.gear):
-                last.parts.append(item)
+            if previous and start <= previous.end + _TOUCHING and not (is_gear and previous.gear):
+                previous.start = start if is_gear else previous.start
+                previous.end = max(previous.end, end)
+                previous.parts.append(item)
+            elif previous and not shaft.sections and not (is_gear and previous.gear):
+                previous.parts.append(item)
             else:
                 nodes.append(_Node([item], part, start, end))
             self.places[item.id, part.id] = nodes[-1]
-        if not nodes:
-            return
-        left = shaft.ends[0]
+        if nodes:
+            self._distribute_shaft(shaft, nodes)
+        self.nodes += nodes
+        for node in nodes:
+            if node.gear:
+                mass, inertia = self._gear_mass_and_inertia(node.gear, shaft)
+                node.mass += mass
+                node.inertia += inertia
+            for item in node.parts:
+                node.torque += self.loads.torques.get(item.id, 0.0)
+            self._set_support(node, part)
+            for item in node.parts:
+                if item.type == "planet_carrier":
+                    self.rigid_parts[item.id].join(node)
+
+    def _distribute_shaft(self, shaft, nodes: list[_Node]) -> None:
+        """Add the mass and inertia of a shaft to its nodes, and the springs between them.
+
+        `shaft` is a `gearlib.gearboxes.parts.Shaft`; the nodes are in the order of their
+        coordinates.
+        """
+        left = shaft.ends[0]  # where the part of the shaft that belongs to a node begins
         for node, following in zip(nodes, [*nodes[1:], None], strict=True):
             if following is None:
                 right, next_left = shaft.ends[1], 0.0
             elif following.start - node.end > _TOUCHING:
                 right, next_left = node.end, following.start
-                ends = right, next_left
+                spring_ends = right, next_left
             else:  # Faces that touch or overlap: the spring runs between the middles.
                 right = next_left = (node.end + following.start) / 2.0
-                ends = (node.start + node.end) / 2.0, (following.start + following.end) / 2.0
+                middle = (node.start + node.end) / 2.0
+                spring_ends = middle, (following.start + following.end) / 2.0
             node.mass += shaft.mass(left, right)
             node.inertia += shaft.inertia(left, right)
             if following is not None:
-                stiffness = shaft.torsional_stiffness(*ends), shaft.bending_stiffness(*ends)
-                self.springs.append((node, following, *stiffness))
-                for end in (node, following):
-                    end.mass += shaft.mass(right, next_left) / 2.0
-                    end.inertia += shaft.inertia(right, next_left) / 2.0
+                torsional_stiffness = shaft.torsional_stiffness(*spring_ends)
+                bending_stiffness = shaft.bending_stiffness(*spring_ends)
+                self.springs.append((node, following, torsional_stiffness, bending_stiffness))
+                for end_node in (node, following):
+                    end_node.mass += shaft.mass(right, next_left) / 2.0
+                    end_node.inertia += shaft.inertia(right, next_left) / 2.0
             left = next_left
-        self.nodes += nodes
-        for node in nodes:
-            if node.gear:
-                mass, inertia = self._gear(node.gear, shaft)
-                node.mass, node.inertia = node.mass + mass, node.inertia + inertia
-            for item in node.parts:
-                node.torque += self.loads.torques.get(item.id, 0.0)
-            self._support(node, part)
-            for item in node.parts:
-                if item.type == "planet_carrier":
-                    self.rigid_parts[item.id].join(node)
 
-    def _support(self, node: _Node, part: Component) -> None:
-        """Set the stiffness of the axis of a node on a shaft."""
-        on_shaft = [x for x in self.box.bearings if part.id in (x.inner[0].id, x.outer[0].id)]
-        moving = [x for x in self.bearings if part.id in (x.inner[0].id, x.outer[0].id)]
-        if moving and len(moving) == len(on_shaft):
-            here = [x for x in moving if self.places[x.part.id, part.id] is node]
-            node.support = float(sum(x.stiffness for x in here))
+    def _set_support(self, node: _Node, part: Component) -> None:
+        """Set the stiffness of the axis of a node on a shaft, given by its component.
+
+        It is the sum of the bearings at the node if all bearings of the shaft are elastic, else
+        infinite; without bearings it stays None.
+        """
+        on_shaft = _bearings_of(part, self.box.bearings)
+        elastic = _bearings_of(part, self.bearings)
+        if elastic and len(elastic) == len(on_shaft):
+            at_node = [
+                bearing for bearing in elastic if self.places[bearing.part.id, part.id] is node
+            ]
+            node.support = float(sum(bearing.stiffness for bearing in at_node))
         elif on_shaft:
             node.support = math.inf
 
-    def _gear(self, gear: Component, shaft) -> tuple[float, float]:
-        """Return the mass (kg) and the moment of inertia (kg m^2) of a gear beside its shaft."""
+    def _gear_mass_and_inertia(self, gear: Component, shaft) -> tuple[float, float]:
+        """Return the mass (kg) and moment of inertia (kg m^2) of a gear without its shaft.
+
+        `shaft` is the `gearlib.gearboxes.parts.Shaft` inside the gear.
+        """
         geometry = self.gears[gear.id]
         width, diameter = geometry.width, geometry.reference_diameter
+        # Integrals of the 2nd and 4th power of the diameter over the width of the gear.
         if geometry.internal:
             moments = [width * (geometry.outer_diameter**n - diameter**n) for n in (2, 4)]
         else:
             face = self.box.face(gear)
-            bores = [
+            bore_moments = [
                 shaft.integral(lambda u, outer, inner: np.minimum(outer, diameter) ** 2, *face),
                 shaft.integral(lambda u, outer, inner: np.minimum(outer, diameter) ** 4, *face),
             ]
-            moments = [width * diameter**n - bore for n, bore in zip((2, 4), bores, strict=True)]
+            moments = [width * diameter**2 - bore_moments[0], width * diameter**4 - bore_moments[1]]
         density = geometry.material.density
         return math.pi / 4.0 * density * moments[0], math.pi / 32.0 * density * moments[1]
 
     def _add_couplings(self) -> None:
-        """Join the nodes of couplings, or hold those that are coupled to the casing."""
+        """Join the nodes at both ends of each coupling, or hold a node coupled to the casing.
+
+        A rigid coupling joins two nodes to one body, an elastic one adds a spring.
+        """
         for coupling in self.box.couplings:
-            ends = []
+            end_nodes = []
             for owner, _ in (coupling.inner, coupling.outer):
                 key = coupling.part.id, owner.id
-                ends.append(self.places.get(key) or self.rigid_parts.get(owner.id))
-            rigid = coupling.stiffness is None or coupling.stiffness >= RIGID
-            owners = coupling.inner[0].id, coupling.outer[0].id
-            if None not in ends:
-                if rigid:
-                    ends[0].join(ends[1])
+                end_nodes.append(self.places.get(key) or self.rigid_parts.get(owner.id))
+            is_rigid = coupling.stiffness is None or coupling.stiffness >= RIGID
+            owner_ids = coupling.inner[0].id, coupling.outer[0].id
+            if None not in end_nodes:
+                if is_rigid:
+                    end_nodes[0].join(end_nodes[1])
                 else:
-                    self.springs.append((*ends, coupling.stiffness, 0.0))
-            elif any(owner in self.box.rotors.casings for owner in owners):
-                for node in filter(None, ends):
+                    self.springs.append((*end_nodes, coupling.stiffness, 0.0))
+            elif any(owner_id in self.box.rotors.casings for owner_id in owner_ids):
+                for node in end_nodes:
+                    if node is None:
+                        continue
                     body = node.body()
-                    body.torsional_stiffness += math.inf if rigid else coupling.stiffness
-                    body.support = math.inf if rigid else body.support
+                    body.torsional_stiffness += math.inf if is_rigid else coupling.stiffness
+                    body.support = math.inf if is_rigid else body.support
 
-    def bodies(self, structural_damping: float) -> tuple[list[Body], list[Shaft]]:
-        """Return the bodies and shafts of the train."""
-        planets = {}  # rotor of a planet -> (stage, angle of its pin)
+    def _pin_angles(self) -> dict[str, tuple]:
+        """Return rotor of a planet -> (stage, angle of its pin on the carrier in rad)."""
+        pin_angles: dict[str, tuple] = {}
         for stage in self.box.stages.values():
             if stage.carrier:
                 planet = self.box.planet(stage)
                 angle = self.box.centre_line_angle(stage)
-                # The angle is that from the axis of the central gear to that of the planet.
+                # Turn the direction from pinion to wheel to that from central gear to planet.
                 angle += 0.0 if stage.wheel.id == planet.id else math.pi
                 rotor = self.box.rotors.rotor(self.box.shaft_of[planet.id].id)
-                planets.setdefault(rotor, (stage, math.remainder(angle, math.tau)))
-        found, names = [], {}
-        for node in dict.fromkeys(node.body() for node in self.nodes):
-            gear, fields = node.gear, {}
-            names[node] = node.name
-            rotor = self.box.rotors.rotor(node.shaft.id if node.shaft else node.parts[0].id)
-            if rotor in planets:
-                stage, fields["angle"] = planets[rotor]
-                fields["carrier"] = self.rigid_parts[stage.carrier].body().name
-            carriers = [part for part in node.parts if part.type == "planet_carrier"]
-            radius = self.box.pin_radius(carriers[0]) if carriers else 0.01
-            if gear:
-                radius, fields["teeth"] = (
-                    self.gears[gear.id].base_diameter / 2.0,
-                    self.gears[gear.id].teeth,
-                )
-            if carriers and not node.inertia:
-                node.mass, node.inertia = self.box.default_carrier(carriers[0])
-            if not node.inertia:
-                problem = "are missing: they must be given for the inertia"
-                raise InputError("shaft sections", problem=problem, owner=str(node.shaft))
-            support = math.inf if node.support is None else node.support
-            found.append(
-                Body(
-                    name=node.name,
-                    inertia=node.inertia,
-                    mass=node.mass,
-                    base_radius=radius,
-                    torque=node.torque,
-                    support_stiffness=(support, support),
-                    support_damping=(proportional_damping(support, structural_damping),) * 2,
-                    torsional_stiffness=node.torsional_stiffness,
-                    torsional_damping=proportional_damping(
-                        node.torsional_stiffness, structural_damping
-                    ),
-                    **fields,
+                pin_angles.setdefault(rotor, (stage, math.remainder(angle, math.tau)))
+        return pin_angles
+
+    def _body(self, node: _Node, pin_angles: dict[str, tuple], structural_damping: float) -> Body:
+        """Return the `Body` of a node that represents all nodes joined to it.
+
+        `pin_angles` is the result of `_pin_angles`, and `structural_damping` the ratio of damping
+        to stiffness in s. Raises ValueError if the inertia is unknown.
+        """
+        gear, fields = node.gear, {}
+        rotor = self.box.rotors.rotor(node.shaft.id if node.shaft else node.parts[0].id)
+        if rotor in pin_angles:
+            stage, fields["angle"] = pin_angles[rotor]
+            fields["carrier"] = self.rigid_parts[stage.carrier].body().name
+        carriers = [part for part in node.parts if part.type == "planet_carrier"]
+        # The radius does not matter for a body that is neither a gear nor a carrier.
+        radius = self.box.pin_radius(carriers[0]) if carriers else 0.01
+        if gear:
+            radius = self.gears[gear.id].base_diameter / 2.0
+            fields["teeth"] = self.gears[gear.id].teeth
+        if carriers and not node.inertia:
+            node.mass, node.inertia = self.box.default_carrier(carriers[0])
+        if not node.inertia:
+            problem = "are missing: they must be given for the inertia"
+            raise InputError("shaft sections", problem=problem, owner=str(node.shaft))
+        support = math.inf if node.support is None else node.support
+        return Body(
+            name=node.name,
+            inertia=node.inertia,
+            mass=node.mass,
+            base_radius=radius,
+            torque=node.torque,
+            support_stiffness=(support, support),
+            support_damping=(proportional_damping(support, structural_damping),) * 2,
+            torsional_stiffness=node.torsional_stiffness,
+            torsional_damping=proportional_damping(node.torsional_stiffness, structural_damping),
+            **fields,
+        )
+
+    def bodies_and_shafts(self, structural_damping: float) -> tuple[list[Body], list[Shaft]]:
+        """Return the bodies and shafts of the train.
+
+        `structural_damping` is the ratio of damping to stiffness in s.
+        """
+        pin_angles = self._pin_angles()
+        bodies = [
+            self._body(node, pin_angles, structural_damping)
+            for node in dict.fromkeys(node.body() for node in self.nodes)
+        ]
+        shafts = []
+        for node_1, node_2, stiffness, bending_stiffness in self.springs:
+            body_1, body_2 = node_1.body(), node_2.body()
+            if body_1.name == body_2.name:
+                continue
+            if body_1.support in (None, math.inf) and body_2.support in (None, math.inf):
+                bending_stiffness = 0.0
+            shafts.append(
+                Shaft(
+                    bodies=(body_1.name, body_2.name),
+                    stiffness=stiffness,
+                    damping=structural_damping * stiffness,
+                    bending_stiffness=bending_stiffness,
+                    bending_damping=structural_damping * bending_stiffness,
                 )
             )
-        shafts = []
-        for first, second, stiffness, bending in self.springs:
-            ends = names[first.body()], names[second.body()]
-            moves = any(x.body().support not in (None, math.inf) for x in (first, second))
-            if ends[0] != ends[1]:
-                bending = bending if moves else 0.0
-                shafts.append(
-                    Shaft(
-                        bodies=ends,
-                        stiffness=stiffness,
-                        damping=structural_damping * stiffness,
-                        bending_stiffness=bending,
-                        bending_damping=structural_damping * bending,
-                    )
-                )
-        return found, shafts
+        return bodies, shafts
+
+
+def _bearings_of(part: Component, bearings: list) -> list:
+    """Return those bearings whose inner or outer part is a shaft, given by its component."""
+    return [
+        bearing for bearing in bearings if part.id in (bearing.inner[0].id, bearing.outer[0].id)
+    ]
 
 
 def build(
@@ -323,7 +394,7 @@ def build(
     reference: str | None,
     **mesh_options: Any,
 ) -> GearTrain:
-    """Return the train of a gearbox; the arguments are those of `Gearbox.train`."""
+    """Return the gear train of a gearbox; see `Gearbox.train` for the arguments."""
     loads = box.loads(load_case)
     if loads.missing is not None:
         raise loads.missing
@@ -333,52 +404,69 @@ def build(
     gears = {}
     for name, stage in box.stages.items():
         gears |= {stage.pinion.id: geometries[name].pinion, stage.wheel.id: geometries[name].wheel}
-    bodies, shafts = _Assembly(box, load_case, bearing_stiffness, gears).bodies(structural_damping)
-    forces = {
-        name: abs(loads.pinion_torques[name]) / geometries[name].pinion.base_diameter
-        for name in box.stages
+    assembly = _Assembly(box, load_case, bearing_stiffness, gears)
+    bodies, shafts = assembly.bodies_and_shafts(structural_damping)
+    meshes = _meshes(box, loads, geometries, mesh_options)
+    carrier_speeds = {
+        loads.motion_of(box, stage.carrier) for stage in box.stages.values() if stage.carrier
     }
-    least_force = _LEAST_LOAD * max(forces.values())
-    parameters: dict = {}  # of equal meshes, which a planetary stage has
-    meshes = []
-    for name, stage in box.stages.items():
-        geometry, torque = geometries[name], loads.pinion_torques[name]
-        size = max(forces[name], least_force) * geometry.pinion.base_diameter
-        key = geometry, f"{size:.10g}"
-        if key not in parameters:
-            parameters[key] = geometry.train_parameters(torque=size, **mesh_options)
-        sign = -1.0 if stage.internal else 1.0
-        drives = torque * loads.motions[name] >= 0.0
-        meshes.append(
-            Mesh(
-                name=name,
-                pinion=stage.pinion.name,
-                wheel=stage.wheel.name,
-                position=box.centre_line_angle(stage) + (math.pi if stage.internal else 0.0),
-                direction=1 if torque * sign >= 0.0 else -1,
-                driving=(stage.pinion if drives else stage.wheel).name,
-                **parameters[key],
-            )
-        )
-    frames = {loads.motion_of(box, x.carrier) for x in box.stages.values() if x.carrier}
-    frame = frames.pop() if frames else 0.0
-    if any(abs(other - frame) > 1e-9 * abs(frame) for other in frames):
+    frame_speed = carrier_speeds.pop() if carrier_speeds else 0.0
+    if any(abs(other - frame_speed) > 1e-9 * abs(frame_speed) for other in carrier_speeds):
         raise ValueError(
             "planetary stages whose carriers turn at different speeds are not allowed in a train; "
             "each stage by itself can be computed"
         )
-    in_frame = {
-        name: loads.motion_of(box, box.shaft_of[stage.pinion.id].id) - frame
+    speeds_in_frame = {
+        name: loads.motion_of(box, box.shaft_of[stage.pinion.id].id) - frame_speed
         for name, stage in box.stages.items()
     }
     # A pinion that stands still among the planets cannot set the scale of speeds.
-    fastest = max(map(abs, in_frame.values()))
-    choices = [name for name, speed in in_frame.items() if abs(speed) > 1e-9 * fastest]
+    least_speed = 1e-9 * max(map(abs, speeds_in_frame.values()))
+    choices = [name for name, speed in speeds_in_frame.items() if abs(speed) > least_speed]
     reference = checks.one_of("reference", reference or choices[0], choices)
     return GearTrain(
         bodies=bodies,
         meshes=meshes,
         shafts=shafts,
         reference=reference,
-        carrier_ratio=frame / in_frame[reference],
+        carrier_ratio=frame_speed / speeds_in_frame[reference],
     )
+
+
+def _meshes(box: "Gearbox", loads, geometries: dict, mesh_options: dict) -> list[Mesh]:
+    """Return the meshes of the stages of a gearbox under the torques of its `Loads`.
+
+    `geometries` maps the name of a stage to its `GearStage`; `mesh_options` are passed to its
+    `train_parameters`.
+    """
+    forces = {
+        name: abs(loads.pinion_torques[name]) / geometries[name].pinion.base_diameter
+        for name in box.stages
+    }
+    least_force = _LEAST_LOAD * max(forces.values())
+    # The equal meshes of a planetary stage have the same parameters, which are computed once.
+    parameters: dict = {}
+    meshes = []
+    for name, stage in box.stages.items():
+        geometry, torque = geometries[name], loads.pinion_torques[name]
+        magnitude = max(forces[name], least_force) * geometry.pinion.base_diameter
+        key = geometry, f"{magnitude:.10g}"
+        if key not in parameters:
+            parameters[key] = geometry.train_parameters(torque=magnitude, **mesh_options)
+        position, sign = box.centre_line_angle(stage), 1.0
+        if stage.internal:
+            # The position of an internal mesh is the direction from the wheel to the pinion.
+            position, sign = position + math.pi, -1.0
+        pinion_drives = torque * loads.motions[name] >= 0.0
+        meshes.append(
+            Mesh(
+                name=name,
+                pinion=stage.pinion.name,
+                wheel=stage.wheel.name,
+                position=position,
+                direction=1 if torque * sign >= 0.0 else -1,
+                driving=stage.pinion.name if pinion_drives else stage.wheel.name,
+                **parameters[key],
+            )
+        )
+    return meshes
