@@ -198,7 +198,7 @@ class RunUps(_TuningRange):
     stop: t.Tuning = field("Tuning at which a run turns.", 1.4)
     damping: t.DampingName = None
     revolutions: Distinct[integer(1, 100_000)] = field(
-        "Revolutions of each way, up and down: how slowly the speed changes.", [80, 320, 1280]
+        "Revolutions in each direction, up and down: how slowly the speed changes.", [80, 320, 1280]
     )
     orders: integer(1, 20) = field("Mesh orders of the map of the slowest run.", 4)
 

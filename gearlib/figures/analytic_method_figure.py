@@ -65,7 +65,7 @@ def _draw_iterates(figure, data: xr.Dataset):
         line_options = {"color": "black", "linewidth": 2.2, "zorder": 1, "label": "exact orbit"}
         axes.plot(data.phase, data.exact_displacement[i], **line_options)
         count = int(data.degenerate_chosen[i])
-        axes.set_title(f"{axes.get_title()}, degenerate harmonics: {count}")
+        axes.set_title(f"{axes.get_title()}\ndegenerate harmonics: {count}")
         axes.set_ylabel(panels.axis_label(data.exact_displacement, width=24) if i == 0 else "")
 
 

@@ -124,17 +124,19 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
     axes.set_ylim(_limits(sweeps, coast_side))
     box = style.white_box(padding=0.2, opacity=0.8)
     options = {"style": "italic", "fontsize": None, "bbox": box, "zorder": 5}
-    options |= {"coords": ("axes fraction", "data"), "anchor": "right center"}
+    options |= {"coords": ("axes fraction", "data"), "anchor": "center center"}
     areas = style.shade_lost_contact(axes, float(sweeps.backlash_ratio), "y")
     for name, (low, high) in areas.items():
-        style.annotate(axes, name, (0.99, 0.5 * (low + high)), **options)
+        style.annotate(axes, name, (0.25, 0.5 * (low + high)), **options)
     _draw_dampings(axes, sweeps, curve_styles, EXTREMA, width=1.6)
     handles = axes.get_legend_handles_labels()[0] + measured_figure.draw_curves(
         axes, measured, EXTREMA, curve_styles
     )
     if (sweeps.period.values == 0).any():
         handles.append(style.legend_entry("not settled", "0.3", "none", ".", markersize=3))
-    axes.legend(handles=handles, loc="upper right", ncols=2)
+    # Undamped motions fill the whole panel, so that the legend is below it.
+    below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.12)}
+    axes.legend(handles=handles, ncols=len(handles), **below)
     axes.set(xlabel=style.TUNING_LABEL, ylabel=EXTREMA_LABEL)
     # Three scales lie above the panel, at positions relative to its height: the tunings relative to
     # the largest and the smallest stiffness, and the speed.

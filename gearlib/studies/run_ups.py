@@ -64,7 +64,7 @@ def run_ups_at_several_rates(
             resolution = 1.0 / max(1, round(2 * count / _ORDER_MAP_BLOCKS))
             options = {"orders": range(mesh_orders * model.teeth + 1), "resolution": resolution}
             slow_map = order_map(run, variable="dynamic_force", **options)
-    attrs = {"units": "1", "long_name": "revolutions of each way"}
+    attrs = {"units": "1", "long_name": "revolutions in each direction"}
     coords = {"revolutions": ("revolutions", list(revolutions), attrs)}
     coords |= {"direction": list(DIRECTIONS)}
     dims = "revolutions", "direction", "point"
