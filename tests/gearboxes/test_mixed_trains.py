@@ -24,8 +24,8 @@ FIRST, SECOND = (
 )
 
 
-def mixed(**options):
-    """Return a set whose sun is driven by a stage and whose carrier drives another."""
+def mixed_train(**options):
+    """Return a planetary set with a stage on its sun and another stage on its carrier."""
     stages = [
         ParallelStage(stage=FIRST, on="sun", gear="wheel", shaft_stiffness=1e5, position=1.0),
         ParallelStage(stage=SECOND, on="carrier", shaft_stiffness=1e6, position=2.0),
@@ -35,15 +35,18 @@ def mixed(**options):
 
 
 def test_speeds_and_mesh_frequencies_satisfy_willis_equation():
-    train = mixed()
+    """With 17 and 61 teeth and a fixed ring the carrier turns 17 / 78 times as fast as the sun."""
+    train = mixed_train()
     in_housing = {name: float(speed) for name, speed in train.speeds.in_housing.items()}
     sun = in_housing["sun"]
     assert in_housing["carrier"] / sun == pytest.approx(17 / 78, rel=1e-12)
     assert in_housing["ring"] == 0.0
     assert in_housing["pinion 1"] / sun == pytest.approx(-67 / 23, rel=1e-12)
     assert in_housing["wheel 2"] / sun == pytest.approx(-17 / 78 * 20 / 41, rel=1e-12)
-    found = gearlib.characteristic_frequencies(train, 1200.0)
-    frequencies = dict(zip(found.mesh.values, found.mesh_frequency_hertz.values, strict=True))
+    frequency_table = gearlib.characteristic_frequencies(train, 1200.0)
+    frequencies = dict(
+        zip(frequency_table.mesh.values, frequency_table.mesh_frequency_hertz.values, strict=True)
+    )
     assert frequencies["sun 1"] == pytest.approx(20.0 * 17 * (1 - 17 / 78))
     assert frequencies["stage 1"] == pytest.approx(20.0 * 67)
     assert frequencies["stage 2"] == pytest.approx(20.0 * 17 / 78 * 20)
@@ -51,21 +54,22 @@ def test_speeds_and_mesh_frequencies_satisfy_willis_equation():
 
 
 def test_the_reference_mesh_may_be_one_in_the_housing():
-    train = mixed()
+    train = mixed_train()
     speeds = train.speeds.in_housing
     ratio = speeds["carrier"] / (speeds["pinion 1"] - speeds["carrier"])
-    other = train.replace(reference="stage 1", carrier_ratio=float(ratio))
-    before, after = (np.array(x.frequency_ratios, float) for x in (train, other))
+    changed_train = train.replace(reference="stage 1", carrier_ratio=float(ratio))
+    before, after = (np.array(x.frequency_ratios, float) for x in (train, changed_train))
     np.testing.assert_allclose(after, before / before[-2], rtol=1e-12)
-    scale = other.speeds.in_housing["sun"] / speeds["sun"]
+    scale = changed_train.speeds.in_housing["sun"] / speeds["sun"]
     for name, speed in speeds.items():
-        assert float(other.speeds.in_housing[name]) == pytest.approx(float(scale * speed))
-    # One mesh period of the reference mesh passes a tooth of its pinion.
-    assert abs(other.speeds.in_housing["pinion 1"]) == pytest.approx(1 / 23)
+        assert float(changed_train.speeds.in_housing[name]) == pytest.approx(float(scale * speed))
+    # In one period of the reference mesh its pinion turns by one tooth.
+    assert abs(changed_train.speeds.in_housing["pinion 1"]) == pytest.approx(1 / 23)
 
 
 def test_torques_balance_and_press_the_drive_sides():
-    train = mixed()
+    # Torques follow from the input torque of 300 N m and the numbers of teeth.
+    train = mixed_train()
     forces = train.static().mesh_force.values
     assert forces.min() > 0.0
     assert forces[:3] == pytest.approx(forces[3:6])
@@ -75,7 +79,7 @@ def test_torques_balance_and_press_the_drive_sides():
 
 
 def test_a_moving_axis_in_the_housing_beside_a_turning_carrier_is_refused():
-    train = mixed()
+    train = mixed_train()
     bodies = [
         body
         if body.name != "wheel 2"
@@ -119,7 +123,7 @@ def test_a_configuration_gives_the_same_train_as_python():
     with open("config.yaml", encoding="utf-8") as file:
         settings = config.load(config.overlay(yaml.safe_load(file), {"train": section}))
     train = model(settings.gears_model(next(iter(settings.dampings)), "train"))
-    expected = mixed()
+    expected = mixed_train()
     assert train.mesh_names == expected.mesh_names
     np.testing.assert_allclose(
         train.modes().natural_frequency.values[1:],
@@ -139,7 +143,7 @@ def test_characteristic_frequencies_of_a_stage():
 
 
 def test_planets_pass_central_gears():
-    found = gearlib.characteristic_frequencies(mixed(stages=()), 780.0)
+    found = gearlib.characteristic_frequencies(mixed_train(stages=()), 780.0)
     passing = dict(zip(found.body.values, found.planet_passing_frequency.values, strict=True))
     carrier = 13.0 * 17 / 78
     assert passing["ring"] == pytest.approx(3 * carrier)
@@ -150,14 +154,14 @@ def test_planets_pass_central_gears():
 @pytest.mark.parametrize("suffix", [".yaml", ".nc"])
 def test_a_train_read_from_a_file_equals_the_one_written(suffix, tmp_path):
     force = gearlib.HarmonicForce(body="sun", amplitude=3.0, order=2, of="sun", phase=0.1)
-    train = mixed(model="teeth").replace(forces=[force], modal_damping=[0.02])
+    train = mixed_train(model="teeth").replace(forces=[force], modal_damping=[0.02])
     gearlib.write_train(train, tmp_path / f"train{suffix}")
     assert gearlib.read_train(tmp_path / f"train{suffix}") == train
 
 
 def test_a_wrong_value_in_a_train_file_is_named(tmp_path):
     path = tmp_path / "train.yaml"
-    gearlib.write_train(mixed(), path)
+    gearlib.write_train(mixed_train(), path)
     content = yaml.safe_load(path.read_text(encoding="utf-8"))
     content["train"]["own"]["bodies"][0]["inertia"] = -1.0
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
@@ -169,21 +173,25 @@ def test_a_wrong_value_in_a_train_file_is_named(tmp_path):
 
 
 def test_the_command_prints_a_gearbox_and_starts_a_project(tmp_path):
+    """The new project must compute the gearbox; an existing folder and a bad file are refused."""
     path = two_stages().write(tmp_path / "box.rexs")
     printed = CliRunner().invoke(main, ["gearbox", str(path)])
     assert printed.exit_code == 0 and "Stufe 2  19/39" in printed.output
-    begun = CliRunner().invoke(main, ["init", str(tmp_path / "new"), "--gearbox", str(path)])
-    assert begun.exit_code == 0
+    init_result = CliRunner().invoke(main, ["init", str(tmp_path / "new"), "--gearbox", str(path)])
+    assert init_result.exit_code == 0
     settings = config.load(yaml.safe_load((tmp_path / "new/config.yaml").read_text("utf-8")))
     assert settings.gearbox.file == "box.rexs" and settings.computed_targets() == ["gearbox"]
-    again = CliRunner().invoke(main, ["init", str(tmp_path / "new"), "--gearbox", str(path)])
-    assert again.exit_code == 2 and "exists" in again.output
+    second_init_result = CliRunner().invoke(
+        main, ["init", str(tmp_path / "new"), "--gearbox", str(path)]
+    )
+    assert second_init_result.exit_code == 2 and "exists" in second_init_result.output
     (tmp_path / "none.rexs").write_text("<model/>")
-    wrong = CliRunner().invoke(main, ["gearbox", str(tmp_path / "none.rexs")])
-    assert wrong.exit_code == 2 and "version" in wrong.output
+    refused_result = CliRunner().invoke(main, ["gearbox", str(tmp_path / "none.rexs")])
+    assert refused_result.exit_code == 2 and "version" in refused_result.output
 
 
 def test_studies_cover_both_load_cases_of_a_gearbox(tmp_path):
+    """Tables must have rows for each load case and the largest factors in the summary."""
     path = str(two_stages().write(tmp_path / "box.rexs"))
     stages, boxes, reasons = gearboxes.jobs(path)
     assert len(stages) == 4 and boxes == ["1", "2"] and not reasons
@@ -209,20 +217,21 @@ def test_equal_meshes_of_planets_are_computed_once(tmp_path):
 
 def test_the_page_of_a_gearbox_has_its_pictures_and_tables():
     page = gearbox_report.page("gallery/two_stage.rexs", "", points=3, orders=1, revolutions=3)
-    # The view, the stages, and modes and order map of the box in each of two load cases.
+    # The pictures are the view, the stages, and modes and order map in each of two load cases.
     assert page.count("<img ") == 6 and page.count("<table") == 3
 
 
 def test_the_summary_row_lists_all_jumps_and_the_speed_of_the_largest_factor():
+    """Replace factors and jump speeds of both load cases by made-up ones."""
     path, stages = "gallery/two_stage.rexs", []
     for case, factor, jumps in (("1", 2.0, [900.0, 1100.0]), ("2", 3.0, [1000.0])):
         data = gearboxes.stage_over_speed(path, "Stufe 1", case, 0.05, 3)
-        found = {"dynamic_factor": data.dynamic_factor * 0.0 + 1.0}
-        found["dynamic_factor"][dict(tuning=0 if case == "2" else -1)] = factor
-        found["jump_up_speed"] = "jump", jumps
+        made_up_values = {"dynamic_factor": data.dynamic_factor * 0.0 + 1.0}
+        made_up_values["dynamic_factor"][dict(tuning=0 if case == "2" else -1)] = factor
+        made_up_values["jump_up_speed"] = "jump", jumps
         data = data.drop_vars(["jump_up_speed", "jump_down_speed"])
-        found["jump_down_speed"] = "jump", [math.nan] * len(jumps)
-        stages.append(data.assign(found))
+        made_up_values["jump_down_speed"] = "jump", [math.nan] * len(jumps)
+        stages.append(data.assign(made_up_values))
     header, *rows = gearboxes.stage_rows(stages, path)
     row = dict(zip(header, next(row for row in rows if row[1] == "all"), strict=True))
     assert row["jumps_rpm"] == "900 1000 1100"

@@ -12,7 +12,7 @@ from .rexs_files import add_gear, add_stage, planetary, two_stages
 
 
 def read(file, tmp_path, name="box.rexs"):
-    """Return the gearbox of a `File`."""
+    """Write a `File` and return its gearbox."""
     return gearlib.read_gearbox(file.write(tmp_path / name))
 
 
@@ -32,6 +32,7 @@ def test_every_file_format_gives_the_same_gearbox(suffix, tmp_path):
 
 
 def test_the_table_shows_the_known_data_of_the_gearbox(tmp_path):
+    """Compare the row of the second stage with its numbers of teeth and the input."""
     box = read(two_stages(), tmp_path)
     header, first, second = box.rows()
     row = dict(zip(header, second, strict=True))
@@ -45,6 +46,7 @@ def test_the_table_shows_the_known_data_of_the_gearbox(tmp_path):
 
 
 def test_speeds_of_a_planetary_set_satisfy_willis_equation(tmp_path):
+    """With a fixed ring of 60 teeth and a sun of 18 the ratio is 1 + 60 / 18."""
     loads = read(planetary(), tmp_path).loads()
     ids = {part.name: key for key, part in read(planetary(), tmp_path).model.components.items()}
     speed = 1200.0 / (1.0 + 60 / 18)
@@ -59,8 +61,10 @@ def test_speeds_of_a_planetary_set_satisfy_willis_equation(tmp_path):
 def test_mesh_frequencies_of_a_planetary_train_match_its_load_case(tmp_path):
     box = read(planetary(), tmp_path)
     train = box.train(model="rectangle", stiffness="iso")
-    found = gearlib.characteristic_frequencies(train, 1200.0)
-    for stage, frequency in zip(box.stages, found.mesh_frequency_hertz.values, strict=True):
+    frequency_table = gearlib.characteristic_frequencies(train, 1200.0)
+    for stage, frequency in zip(
+        box.stages, frequency_table.mesh_frequency_hertz.values, strict=True
+    ):
         teeth = box.stage(stage).pinion.teeth
         assert frequency == pytest.approx(box.load(stage)["speed"] / 60.0 * teeth, rel=1e-12)
     force = box.stage("Stirnradstufe").load(box.load("Stirnradstufe")["torque"])
@@ -69,6 +73,7 @@ def test_mesh_frequencies_of_a_planetary_train_match_its_load_case(tmp_path):
 
 
 def test_a_reversed_torque_loads_the_other_flank_with_its_relief(tmp_path):
+    """The two load cases have opposite torques, and each flank its own relief."""
     file = two_stages()
     for side, depth in (("left", 0.02), ("right", 0.03)):
         file.add(
@@ -81,7 +86,7 @@ def test_a_reversed_torque_loads_the_other_flank_with_its_relief(tmp_path):
         file.relate("reference", origin=f"z1 {side}", referenced=f"{side} relief")
     box = read(file, tmp_path)
     reliefs = [box.stage("Stufe 1", case).pinion.tip_relief for case in box.load_cases]
-    # A positive torque presses counterclockwise: right, seen on the datum face along the axis.
+    # A positive torque acts counterclockwise and so loads the right flanks, seen along the axis.
     expected = [TipRelief(amount=x, length=0.002, shape="parabolic") for x in (3e-5, 2e-5)]
     assert reliefs == expected
     assert box.stage("Stufe 1").wheel.tip_relief is None
@@ -99,13 +104,14 @@ def test_relief_length_follows_from_the_start_diameter(tmp_path):
     )
     file.relate("reference", origin="z1 right", referenced="relief")
     relief = read(file, tmp_path).stage("Stufe 1").pinion.tip_relief
+    # The length is the difference of two roll lengths on the involute.
     length = (math.sqrt(gear.tip_diameter**2 - gear.base_diameter**2)) / 2.0
     length -= math.sqrt(start**2 - gear.base_diameter**2) / 2.0
     assert relief.length == pytest.approx(length, rel=1e-9)
     assert relief.amount == pytest.approx(2e-5)
 
 
-def test_gear_positions_mean_the_face_in_version_1_0_and_the_centre_later(tmp_path):
+def test_gear_coordinates_mean_the_start_in_version_1_0_and_the_middle_later(tmp_path):
     faces = []
     for version, coordinate in (("1.0", 67.0), ("1.1", 80.0)):
         file = two_stages(version)
@@ -144,6 +150,7 @@ REFUSED_STAGES = [
 
 @pytest.mark.parametrize("name, changes, sentence", REFUSED_STAGES, ids=lambda x: str(x)[:40])
 def test_a_refused_stage_leaves_the_other_stage_in_the_table(name, changes, sentence, tmp_path):
+    """The table gives the reason for the first stage; only a train of both stages is refused."""
     file = two_stages()
     file.change(name, **changes)
     box = read(file, tmp_path)
@@ -214,7 +221,7 @@ def test_stated_torques_are_balanced(tmp_path):
     assert "torque of external_load Last is -150 N m, but by balance -187.669 N m" in box.notes
 
 
-def test_an_idler_shaft_without_a_load_turns_with_the_others(tmp_path):
+def test_a_loop_of_stages_with_contradictory_ratios_is_refused(tmp_path):
     file = two_stages()
     add_gear(file, "z5", "Antrieb", (95.0, 0.0, 0.0), 20, 2.5, 0.0, 8.0, 0.0)
     add_gear(file, "z6", "Zwischenwelle", (95.0, 0.0, 90.0), 52, 2.5, 0.0, 8.0, 0.0)

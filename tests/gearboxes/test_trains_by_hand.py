@@ -29,7 +29,7 @@ def mass(length, outer, inner=0.0):
 
 
 def integral(function, start, stop):
-    """Return an integral by scipy."""
+    """Integrate a function by scipy."""
     return integrate.quad(function, start, stop, epsabs=0.0, epsrel=1e-13)[0]
 
 
@@ -40,19 +40,22 @@ def reference_diameter(teeth, module, degrees):
 
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
-    """Return the box of two stages, with the stiffness levels of ISO 6336."""
+    """Return the gearbox of two stages."""
     path = two_stages().write(tmp_path_factory.mktemp("box") / "box.rexs")
     return gearlib.read_gearbox(path)
 
 
 @pytest.fixture(scope="module")
 def train(box):
-    """Return the train of the box."""
+    """Return the train of the box with rectangular stiffness after ISO 6336."""
     return box.train(model="rectangle", stiffness="iso", structural_damping=0.0)
 
 
 def test_inertias_of_gears_and_conical_shafts_match_hand_calculation(train):
-    # The face of z1 lies from 67 to 93 mm, where the diameter grows from 34.5 to 38.833 mm.
+    """Integrate cones and cylinders; half of the shaft between two nodes belongs to each."""
+
+    # The face of z1 extends from 67 to 93 mm, where the shaft diameter grows from 34.5 to 38.833
+    # mm.
     def diameter(u):
         return 0.030 + 0.010 * (u - 0.040) / 0.060
 
@@ -60,13 +63,14 @@ def test_inertias_of_gears_and_conical_shafts_match_hand_calculation(train):
     polar = math.pi / 32.0 * DENSITY
     d1 = reference_diameter(21, 0.0025, 15.0)
     gear = polar * (0.026 * d1**4 - integral(lambda u: diameter(u) ** 4, 0.067, 0.093))
-    spring = polar * (0.030**4 * 0.035 + cone[1])  # from the load at 5 mm to the face
+    # This part of the shaft extends from the load at 5 mm to the face.
+    spring = polar * (0.030**4 * 0.035 + cone[1])
     assert train.by_name["z1"].inertia == pytest.approx(
         gear + polar * cone[0] + spring / 2.0, **CLOSE
     )
     motor = polar * 0.030**4 * 0.005 + spring / 2.0
     assert train.by_name["Motor"].inertia == pytest.approx(motor, **CLOSE)
-    # On the hollow shaft: faces from 18 to 42 and from 55 to 95 mm.
+    # Faces on the hollow shaft extend from 18 to 42 and from 55 to 95 mm.
     d2, d3 = reference_diameter(48, 0.0025, 15.0), reference_diameter(19, 0.004, 12.0)
     gap = inertia(0.013, 0.035, 0.010)
     expected = inertia(0.024, d2, 0.035) + inertia(0.042, 0.035, 0.010) + gap / 2.0
@@ -78,6 +82,7 @@ def test_inertias_of_gears_and_conical_shafts_match_hand_calculation(train):
 
 
 def test_torsional_stiffness_of_conical_and_hollow_shafts_matches_hand_calculation(train):
+    """The compliance of a shaft is the integral of 1 / (G I_p) over its length."""
     stiffness = {shaft.bodies: shaft.stiffness for shaft in train.shafts}
     polar = math.pi / 32.0
 
@@ -99,6 +104,7 @@ def test_torsional_stiffness_of_conical_and_hollow_shafts_matches_hand_calculati
 
 
 def test_natural_frequencies_of_two_stages_match_hand_calculation(box, train):
+    """Assemble the torsional model of eight bodies by hand and solve its eigenvalue problem."""
     names = ["Motor", "z1", "z2", "z3", "z4", "Kupplung, Abtrieb", "Kupplung, Flansch", "Last"]
     assert [body.name for body in train.bodies] == names
     inertias = np.diag([body.inertia for body in train.bodies])
@@ -118,10 +124,11 @@ def test_natural_frequencies_of_two_stages_match_hand_calculation(box, train):
 
 
 def test_a_planetary_set_with_fixed_ring_and_a_stage_match_hand_calculation(tmp_path):
+    """Compare inertias, and frequencies of a torsional model assembled by hand."""
     box = gearlib.read_gearbox(planetary().write(tmp_path / "box.rexsz"))
     train = box.train(model="rectangle", stiffness="iso", structural_damping=0.0)
     radius, bodies = 0.0585, train.by_name
-    # Two plates, three pins beside the axis, and half of the shaft from the plate to the pinion.
+    # The carrier is two plates, three eccentric pins and half of the shaft up to the pinion.
     pins = 3.0 * (inertia(0.052, 0.012) + mass(0.052, 0.012) * radius**2)
     plates = 2.0 * inertia(0.008, 0.170, 0.070)
     at_plate = inertia(0.005, 0.060, 0.020) + inertia(0.035, 0.060, 0.020) / 2.0
@@ -133,7 +140,7 @@ def test_a_planetary_set_with_fixed_ring_and_a_stage_match_hand_calculation(tmp_
     planet = inertia(0.035, 0.063, 0.020) + inertia(0.036, 0.020, 0.012)
     assert bodies["Planet 1"].inertia == pytest.approx(planet, **CLOSE)
     planet_mass = mass(0.035, 0.063, 0.020) + mass(0.036, 0.020, 0.012)
-    # Coordinates: three planets about their axes, and the rest; the load acts within a face.
+    # The coordinates are the rotations of these bodies. The load acts within the face of the wheel.
     names = ["Motor", "Sonne", "Planetenträger", "Ritzel", "Rad"] + [
         f"Planet {i}" for i in range(3)
     ]
@@ -150,7 +157,8 @@ def test_a_planetary_set_with_fixed_ring_and_a_stage_match_hand_calculation(tmp_
         teeth * 0.003 * math.cos(math.radians(20.0)) / 2.0 for teeth in (18, 21, 60)
     )
     for i in range(3):
-        row = np.zeros(8)  # approach of sun and planet: the pin moves with the carrier
+        # Sun and planet approach each other; the pin moves with the carrier.
+        row = np.zeros(8)
         row[[1, 2, 5 + i]] = sun, -(sun + pinion), pinion
         stiffness += means[f"Sonne-Planet {i}"] * np.outer(row, row)
         row = np.zeros(8)
@@ -168,6 +176,7 @@ def test_a_planetary_set_with_fixed_ring_and_a_stage_match_hand_calculation(tmp_
 
 
 def test_bearings_with_a_finite_stiffness_move(tmp_path):
+    """A bearing of finite stiffness supports the shaft, while z2 and z3 are then free to move."""
     file = two_stages()
     bearing = {
         "radial_stiffness": (2e8, "N / m"),

@@ -14,7 +14,7 @@ from gearlib.engines.linear.modal_frame import add_modes
 from gearlib.engines.linear.train_system import allocate_run_storage, run_constants
 from tests.properties.known_models import CHAIN, SETTLING
 
-#: The hash of a combination overflows, which numpy reports where kernels are not compiled.
+#: The hash of a combination overflows, which numpy reports if kernels are not compiled.
 pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered")
 
 PROPAGATOR = CHAIN.propagator(0.8)
@@ -25,9 +25,9 @@ CODES = list(product((DRIVE, NO_CONTACT, COAST), repeat=M))
 
 
 def problem(codes, scale=1.0):
-    """Return (effects of the contacts, A of z' = A z, a state z, tables and storage of its modes).
+    """Return (effects of the contacts, matrix A of z' = A z, state z, mode tables, storage).
 
-    The matrix is the base matrix and the outer products of all forces.
+    `codes` are the contacts of the meshes, and `scale` multiplies the state.
     """
     effects = SYSTEM.effect[np.array(codes) + 1, SEGMENT, np.arange(M)]
     matrix, z = SYSTEM.base_matrix.copy(), np.zeros(N)
@@ -44,7 +44,10 @@ def problem(codes, scale=1.0):
 
 
 def distances_along(matrix, z, times):
-    """Return the distances from coast-side and drive-side lines at equally spaced times."""
+    """Return the distances from coast and drive lines at equally spaced times.
+
+    The shape is (times, 2, meshes).
+    """
     step, states = expm(times[1] * matrix), [z]
     for _ in times[1:]:
         states.append(step @ states[-1])
@@ -53,6 +56,7 @@ def distances_along(matrix, z, times):
 
 @pytest.mark.parametrize("n", range(10))
 def test_unrolled_sums_match_matrix_products(n):
+    """Compare unrolled loops with products of numpy for vectors of length `n`."""
     rng, image = np.random.default_rng(n), np.empty(16)
     a, b, matrix = *rng.normal(size=(2, 10)), rng.normal(size=(n, 16))
     assert distances._dot_of_first(a, b, n) == pytest.approx(a[:n] @ b[:n], abs=1e-14)
@@ -63,10 +67,11 @@ def test_unrolled_sums_match_matrix_products(n):
 
 @pytest.mark.parametrize("codes", CODES)
 def test_modes_and_series_match_the_matrix_exponential(codes):
-    effects, expected, z, tables, work = problem(codes)
+    """Advance a state by 0.9 by modes, by series and by the matrix exponential of scipy."""
+    effects, reference_matrix, z, tables, work = problem(codes)
     matrix = np.empty((N, N))
     train_system.fill_system_matrix(SYSTEM, effects, matrix)
-    np.testing.assert_allclose(matrix, expected, atol=1e-15)
+    np.testing.assert_allclose(matrix, reference_matrix, atol=1e-15)
     phases = 0.7 * SYSTEM.harmonics
     assert z[N - 1 - 2 * phases.size :: 2] == pytest.approx([1.0, *np.sin(phases)])
     row = modal_arcs.find_segment_factors(tables, 0, 0, 0.9)
@@ -74,14 +79,15 @@ def test_modes_and_series_match_the_matrix_exponential(codes):
     arguments = tables.segment_factors[row], 0.9, work.modal_state, work.term, work.image
     modal_arcs.advance_modes(tables, 0, *arguments)
     modal_arcs.apply_stored_matrix(tables.from_modes, 0, work.modal_state, work.sampled_state)
-    end = expm(0.9 * matrix) @ z
-    np.testing.assert_allclose(work.sampled_state[:N], end, rtol=0, atol=1e-11)
+    final_state = expm(0.9 * matrix) @ z
+    np.testing.assert_allclose(work.sampled_state[:N], final_state, rtol=0, atol=1e-11)
     sparse_series.advance_by_series(SYSTEM, CONSTANTS, effects, 0.9, z, work.series)
-    np.testing.assert_allclose(z, end, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(z, final_state, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("codes", CODES)
 def test_polynomials_of_distances_stay_within_their_bounds(codes):
+    """Compare polynomials of distances with the motion, and check their claims about zeros."""
     effects, matrix, z, tables, work = problem(codes)
     unit = sparse_series.fill_taylor_series(SYSTEM, CONSTANTS, effects, z, work.series)
     sparse_series.fill_distance_series(SYSTEM, CONSTANTS, work.series, work.distance_series)
@@ -105,33 +111,35 @@ def test_polynomials_of_distances_stay_within_their_bounds(codes):
 
 
 def test_a_series_that_reaches_zero_is_never_excluded():
-    # 0.5 - s + 0.6 s^2 and 0.5 - 0.3 s + 0.1 s^2, then the magnitude of the first coefficient.
+    # The curves are 0.5 - s + 0.6 s^2 and 0.5 - 0.3 s + 0.1 s^2, followed by a magnitude.
     curves = np.array([[0.5, -1.0, 0.6, 0.5], [0.5, -0.3, 0.1, 0.5]])
     assert [sparse_series.series_may_reach_zero(c, 1.0, 2) for c in curves] == [True, False]
 
 
 def test_first_events_match_the_first_sign_changes():
-    found, fractions = 0, np.linspace(0.0, 1.0, 1001)
+    """Compare first events with sign changes of distances on a dense grid."""
+    event_count, fractions = 0, np.linspace(0.0, 1.0, 1001)
     for scale in np.cos(np.linspace(0.0, math.pi, 13)):
         z = problem(CODES[0], scale)[2]
         drive, coast = SYSTEM.drive_lines @ z, SYSTEM.coast_lines @ z
         codes = np.where(drive > 0.0, DRIVE, np.where(coast < 0.0, COAST, NO_CONTACT))
         _, matrix, z, tables, work = problem(codes, scale)
-        first = distances.find_first_events(tables, 0, CONSTANTS, work, 1.0)
+        first_instant = distances.find_first_events(tables, 0, CONSTANTS, work, 1.0)
         count = distances.fill_amplitudes(tables, 0, work.modal_state, work.amplitudes)
         signs = np.sign(distances_along(matrix, z, tables.piece_lengths[0] * fractions))
         for j, code in enumerate(codes.tolist()):
-            # Without contact both lines count, in contact the line of that side.
+            # Without contact both flank lines may be crossed, in contact only the line of that
+            # side.
             sides = {DRIVE: [1], COAST: [0], NO_CONTACT: [0, 1]}[code]
             changed = np.flatnonzero((signs[:, sides, j] != signs[0, sides, j]).any(axis=1))
             if changed.size:
-                found += 1
+                event_count += 1
                 assert changed[0] - 1 <= 1000.0 * work.event_instant[j] <= changed[0]
                 assert not distances.stays_off_lines(tables, 0, j, CONSTANTS, work, count)
             else:
                 assert work.event_instant[j] > 1.0
-        assert first == work.event_instant.min()
-    assert found > 5
+        assert first_instant == work.event_instant.min()
+    assert event_count > 5
 
 
 def test_crossing_a_flank_line_changes_the_contact():
@@ -148,5 +156,5 @@ def test_every_combination_of_contacts_gets_its_own_hash_slot():
         slot = modal_arcs.find_slot(slots, keys, key.astype(np.int64))
         assert slots[slot] == -1
         slots[slot] = row
-    found = [slots[modal_arcs.find_slot(slots, keys, key.astype(np.int64))] for key in keys]
-    assert found == list(range(len(keys)))
+    stored_rows = [slots[modal_arcs.find_slot(slots, keys, key.astype(np.int64))] for key in keys]
+    assert stored_rows == list(range(len(keys)))

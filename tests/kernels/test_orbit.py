@@ -13,10 +13,12 @@ from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
 
 
 def test_a_summary_collects_extrema_times_and_events():
+    """Add two parabolas, three durations and two events with known results."""
     summary, work = np.empty(orbit.SUMMARY_COLUMNS), np.empty((WORK_ROWS, 4))
     orbit.clear_summary(summary)
     for shift in (1.0, -2.0):
-        curve = np.array([shift, 1.0, -1.0])  # s - s^2 + shift
+        # The curve is s - s^2 + shift.
+        curve = np.array([shift, 1.0, -1.0])
         extrema = orbit.X_MAX, orbit.X_MIN
         orbit.add_polynomial_extrema(curve, bernstein_matrix(2), work, summary, *extrema)
     times = {(DRIVE, True): 0.5, (COAST, False): 0.25, (NO_CONTACT, True): 2.0}
@@ -25,7 +27,8 @@ def test_a_summary_collects_extrema_times_and_events():
     for codes in ((DRIVE, NO_CONTACT), (NO_CONTACT, DRIVE)):
         orbit.count_event(*codes, -1.0, summary)
     assert not orbit.has_unresolved_extremum(summary)
-    # Extrema of displacement and force, times of each contact and of low stiffness, bounces, sum.
+    # The columns are extrema of displacement and force, times of each contact and of low stiffness,
+    # the number of bounces and a sum.
     expected = [1.25, -2.0, 0.0, 0.0, 0.5, 2.0, 0.25, 0.5, 1.0, 0.0]
     np.testing.assert_allclose(summary, expected, atol=1e-15)
     summary[orbit.FORCE_MIN] = math.nan
@@ -33,6 +36,7 @@ def test_a_summary_collects_extrema_times_and_events():
 
 
 def test_events_are_appended_and_repeated_with_their_samples():
+    """Repeat two recorded periods of a settled motion up to six periods."""
     events, summary, count = np.empty((1, 5)), np.zeros(orbit.SUMMARY_COLUMNS), 0
     rows = [(5, 0.5, 1, 0, -0.1), (5, 1.5, 0, 1, 0.2), (6, 0.25, 1, 0, -0.3)]
     for row in rows:
@@ -47,6 +51,7 @@ def test_events_are_appended_and_repeated_with_their_samples():
 
 
 def test_events_at_one_phase_are_sorted_by_mesh():
+    """Sorting event by event must give the order of `sorted`, by phase and then by mesh."""
     rng, rows = np.random.default_rng(0), np.zeros((40, EVENT_COLUMNS))
     rows[:, orbit.EVENT_PHASE] = np.sort(rng.integers(0, 6, 40))
     rows[:, EVENT_MESH] = rng.integers(0, 9, 40)
@@ -58,6 +63,7 @@ def test_events_at_one_phase_are_sorted_by_mesh():
 
 @pytest.mark.parametrize("component", [0, 1])
 def test_a_motion_repeats_only_if_displacement_and_velocity_both_repeat(component):
+    """Add a drift to one component: the motion then has no period."""
     tuning, displacement_range = 0.9, 1.0
     for period in (1, 2, 3, 5, 16):
         strobes = np.zeros((32, 2))  # displacement and velocity once in a mesh period

@@ -7,7 +7,7 @@ import gearlib
 from tests.paper import PAPER
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
-#: With steps of the stiffness, harmonics of the force and unequal sides.
+#: An oscillator with stepwise stiffness, a harmonic force and unequal sides.
 STOP = gearlib.DeadZoneOscillator(
     upper_edge=1.0,
     lower_edge=-0.8,
@@ -22,23 +22,29 @@ STOP = gearlib.DeadZoneOscillator(
 
 
 def claim_of(certificate):
-    """Return a certificate as its JSON file has it."""
+    """Return the claim of a certificate as its JSON file contains it."""
     assert certificate, certificate
     return json.loads(json.dumps(certificate.as_dict()))
 
 
 def assert_wrong_candidates_are_refused(orbit, shift):
-    """Assert that candidates are refused which no orbit is near to, one shifted by a state."""
-    twice, has_events = 2 * orbit.period, len(orbit.pattern) > max(1, len(orbit.model.mesh_names))
+    """Assert that candidates without an orbit nearby are refused, one of them moved by `shift`."""
+    double_period, has_events = (
+        2 * orbit.period,
+        len(orbit.pattern) > max(1, len(orbit.model.mesh_names)),
+    )
     candidates = [
         (("distance", "contacts", "fold"), {"state": orbit.state + shift}),
-        (("period", "contacts"), {"period": twice}),
+        (("period", "contacts"), {"period": double_period}),
         (("contacts",), {"pattern": (*orbit.pattern, 0, 1)}),
     ]
     if has_events:
         candidates += [
             (("contacts",), {"pattern": orbit.pattern[:-2]}),
-            (("period",), {"period": twice, "pattern": (*orbit.pattern, *orbit.pattern[1:])}),
+            (
+                ("period",),
+                {"period": double_period, "pattern": (*orbit.pattern, *orbit.pattern[1:])},
+            ),
         ]
     for statuses, change in candidates:
         refused = gearlib.certify(replace(orbit, **change), digits=10)

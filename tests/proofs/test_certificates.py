@@ -24,7 +24,7 @@ COUNT = int(os.environ.get("GEARLIB_CERTIFICATES", "40"))
 
 
 def faults_of(certificate):
-    """Return the claims of a certificate, as JSON, that an orbit in 50 digits contradicts."""
+    """Return the parts of a certificate, as JSON, that an orbit in 50 digits contradicts."""
     claim = claim_of(certificate)
     if not isinstance(certificate.model, gearlib.GearPair):
         claim["model"] = describe(certificate.model)
@@ -32,15 +32,17 @@ def faults_of(certificate):
 
 
 def pair(**ratios):
+    """Return a pair with the ratios 1.6 and 0.6 of contact and stiffness, unless changed."""
     return gearlib.GearPair.from_ratios(**{"contact_ratio": 1.6, "stiffness_ratio": 0.6} | ratios)
 
 
 @cache
-def bouncing():
+def bouncing_orbit():
+    """Return the orbit of a pair that loses contact once in a mesh period."""
     return gearlib.periodic_orbit(MATERIAL, 0.815)
 
 
-#: Ratios to the static deflection and eigenfrequency, 1, are floats without rounding.
+#: A pair whose static deflection and eigenfrequency are 1, so that ratios are not rounded.
 FORCED = gearlib.OneDegreePair(
     pair=gearlib.GearPair(
         max_stiffness=1.0, stiffness_ratio=0.5, contact_ratio=2.0, reduced_mass=1.0, load=1.0,
@@ -51,7 +53,7 @@ FORCED = gearlib.OneDegreePair(
 )  # fmt: skip
 FREE = replace(STOP, ground_stiffness=0.0, damping=0.0, lower_damping=0.15, load=0.25)
 FAR = replace(STOP, ground_stiffness=0.3, upper_edge=50.0, lower_edge=-50.0)
-#: Name -> model, tuning, guess, period, the stability where it is known.
+#: Model, tuning, guess, period and, if known, stability of each orbit.
 CASES = {
     "two contacts": (MATERIAL, 0.9, None, 1, "stable"),
     "no contact lost": (MATERIAL, 0.7, None, 1, "stable"),
@@ -79,12 +81,13 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_orbit_is_proven_and_confirmed_in_50_digits(case):
+    """The certificate must contain the orbit found, and no part may contradict 50 digits."""
     model, tuning, guess, period, stability = CASES[case]
     orbit = gearlib.periodic_orbit(model, tuning, guess=guess, period=period)
     proven = gearlib.certify(orbit)
     assert faults_of(proven) == []
     assert proven.pattern == orbit.pattern and stability in (proven.stability, None)
-    # The candidate's residual is 1e-12; no case is near a fold.
+    # The residual of the candidate is 1e-12, and no case is close to a fold.
     assert abs(float(proven.displacement) - orbit.state[0]) < 1e-9
     for real, imaginary in proven.multipliers:
         bare = not imaginary.low and not imaginary.high
@@ -96,7 +99,7 @@ def test_constant_stiffness_rests_at_the_static_deflection():
     model = gearlib.GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.5, damping=0.25)
     orbit = gearlib.periodic_orbit(model, 0.5, guess=(1.0, 0.0))
     proven = gearlib.certify(orbit, digits=40)
-    # Exact numbers in binary: x = 1, trace and determinant in closed form.
+    # All parameters are exact in binary, so that enclosures must contain these closed forms.
     assert 1 in proven.displacement and 0 in proven.velocity
     assert 1 in proven.displacement_min and 1 in proven.displacement_max
     with mpmath.workdps(60):
@@ -108,19 +111,20 @@ def test_constant_stiffness_rests_at_the_static_deflection():
 
 @pytest.mark.parametrize("digits", [10, 80])
 def test_enclosures_have_the_requested_number_of_digits(digits):
-    proven = gearlib.certify(bouncing(), digits=digits)
+    proven = gearlib.certify(bouncing_orbit(), digits=digits)
     names = ("displacement", "velocity", "trace", "determinant")
     for name in (*names, "displacement_min", "displacement_max"):
         enclosure = getattr(proven, name)
         assert enclosure.high - enclosure.low <= 2 * Fraction(10) ** -digits
-    # The text of an enclosure is its decimal digits: this displacement is about -0.095.
+    # An enclosure is printed in decimal digits; this displacement is about -0.095.
     assert f"{proven.displacement}".startswith("0.0") or "-0.0" in f"{proven.displacement}"
 
 
 def random_orbit(rng):
-    """Return the `Orbit` of a random pair at a random tuning, None where none was found.
+    """Return an orbit of a random pair at a random tuning, or None if none was found.
 
-    Some pairs have constant stiffness, no damping, a damping ratio above 1, no or endless backlash.
+    Some pairs have constant stiffness, no damping, a damping ratio above 1, no or infinite
+    backlash.
     """
     ratio, damping = rng.uniform(1.02, 1.98), rng.uniform(0.02, 0.2)
     pair = gearlib.GearPair.from_ratios(
@@ -148,7 +152,7 @@ def test_random_orbits_are_proven_and_wrong_candidates_refused(seed):
         return
     proven = gearlib.certify(orbit)
     if not proven:
-        # The candidate repeats earlier, or is not an isolated one.
+        # The candidate has a smaller period, or the orbit is not isolated.
         assert proven.status in ("period", "fold", "grazing", "contacts", "distance"), proven
         return
     assert proven.stability == "undecided" or (proven.stability == "stable") == orbit.stable
@@ -171,19 +175,20 @@ def test_random_orbits_are_proven_and_wrong_candidates_refused(seed):
     ],
 )
 def test_a_wrong_candidate_is_refused(change, status):
-    refused = gearlib.certify(replace(bouncing(), **change))
+    refused = gearlib.certify(replace(bouncing_orbit(), **change))
     assert not refused and refused.status == status
 
 
 def test_an_orbit_with_a_smaller_period_is_refused():
-    refused = gearlib.certify(replace(bouncing(), period=3, pattern=(0, *(1, 0) * 3)))
+    refused = gearlib.certify(replace(bouncing_orbit(), period=3, pattern=(0, *(1, 0) * 3)))
     assert refused.status == "period" and "after 1 mesh period already" in refused.message
 
 
 def test_an_orbit_that_touches_a_flank_line_is_refused():
-    """Undamped, from rest on the flank line: x = 0 and x' = 0 once in every mesh period."""
+    """Undamped motion from rest on the flank line touches it once in every mesh period."""
     orbit = gearlib.periodic_orbit(pair(contact_ratio=2.0), 0.5, guess=(0.3, 0.0))
-    # Constant stiffness c = 1 without damping, nu = 1/2: every motion repeats, this one touches.
+    # At constant stiffness and nu = 1/2 every undamped motion repeats, and this one touches the
+    # line.
     touching = replace(orbit, state=np.array([2.0, 0.0]), pattern=(1,))
     assert gearlib.certify(touching).status == "fold"
     tilted = pair(contact_ratio=2.0, damping=1e-4)
@@ -193,4 +198,4 @@ def test_an_orbit_that_touches_a_flank_line_is_refused():
 def test_without_flint_the_message_names_the_package_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "flint", None)
     with pytest.raises(ImportError, match=r"python-flint.*gearlib\[proof\]"):
-        gearlib.certify(bouncing())
+        gearlib.certify(bouncing_orbit())

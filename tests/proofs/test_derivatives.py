@@ -17,10 +17,11 @@ ORBITS = {
 
 
 def change_derivative(monkeypatch, owner, row, column, change):
-    """Let the method `equations` of a class return a matrix of which one entry is changed."""
+    """Make the method `equations` of a class return a matrix with one entry changed."""
     equations = owner.equations
 
     def changed_equations(*arguments, **options):
+        """Return the equations with one entry of the derivatives changed."""
         residuals, derivatives, *others = equations(*arguments, **options)
         derivatives = [list(entries) for entries in derivatives]
         derivatives[row][column] += change
@@ -35,12 +36,12 @@ def change_derivative(monkeypatch, owner, row, column, change):
      (Windows, "branches", 4, 2)],
 )  # fmt: skip
 def test_wrong_derivative_proves_no_orbit(monkeypatch, owner, case, size, count):
-    """A change far below what Krawczyk's test would notice, and one as large as a missing term."""
+    """A change must be noticed whether far below Krawczyk's test or as large as a missing term."""
     orbit, entries = ORBITS[case](), list(np.ndindex(size, size))
-    for k in np.random.default_rng(size).choice(len(entries), count, replace=False):
+    for entry in np.random.default_rng(size).choice(len(entries), count, replace=False):
         for change in (1e-9, 0.3):
             with monkeypatch.context() as patch:
-                change_derivative(patch, owner, *entries[k], change)
+                change_derivative(patch, owner, *entries[entry], change)
                 refused = gearlib.certify(orbit)
             assert not refused and (change > 0.1 or refused.status == "derivative"), refused
 

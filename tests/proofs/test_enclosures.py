@@ -7,17 +7,20 @@ from gearlib.analysis.proofs.krawczyk import eigenvalues, stability_verdict
 
 
 def test_multiple_eigenvalues_are_enclosed():
+    """Enclose the eigenvalues of a transformed matrix, one of which is double and defective."""
     with precision(128):
-        # A double eigenvalue 1/2 with one eigenvector, a pair on the unit circle, and -2.
+        # The eigenvalues are 1/2, double with one eigenvector, a pair on the unit circle, and -2.
         rows = [[0.5, 1, 0, 0, 0], [0, 0.5, 0, 0, 0], [0, 0, 0.6, -0.8, 0], [0, 0, 0.8, 0.6, 0]]
         matrix = arb_mat([*rows, [0, 0, 0, 0, -2]])
-        turn = arb_mat([[arb(1) / (i + j + 1) + (i == j) for j in range(5)] for i in range(5)])
-        values = eigenvalues(turn.solve(matrix * turn))
-    wanted = [-2, complex(0.6, 0.8), complex(0.6, -0.8), 0.5, 0.5]
+        transformation = arb_mat(
+            [[arb(1) / (i + j + 1) + (i == j) for j in range(5)] for i in range(5)]
+        )
+        values = eigenvalues(transformation.solve(matrix * transformation))
+    approximate_values = [-2, complex(0.6, 0.8), complex(0.6, -0.8), 0.5, 0.5]
     exact = [acb(-2), acb(arb(0.6), arb(0.8)), acb(arb(0.6), arb(-0.8)), acb(0.5), acb(0.5)]
-    for ball, value, number in zip(values, wanted, exact, strict=True):
+    for ball, value, number in zip(values, approximate_values, exact, strict=True):
         assert ball.contains(number) and abs(complex(ball.mid()) - value) < 1e-15
-    # A single eigenvalue is known to be real; of the two that meet it is not known.
+    # A simple real eigenvalue is proven to be real, but not the two that coincide.
     assert values[0].imag == 0 and values[3].imag.rad() > 0
     verdicts = {0: "unstable", 3: "stable", 1: "undecided"}
     for first, stability in verdicts.items():

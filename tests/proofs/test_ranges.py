@@ -13,26 +13,28 @@ from tests.proofs.claims import MATERIAL, claim_of
 
 
 @pytest.mark.parametrize(
-    "pair, start, to, guess, status, at",
+    "pair, start, to, guess, status, special_tuning",
     [
         (MATERIAL, 0.6, 0.803, (0.5, 0.0), "grazing", 0.8020519930),
         (MATERIAL, 0.815, 0.817, None, "fold", 0.8160450454),
         (PAPER, 0.64, 0.66, (0.5, 0.0), "stability", 0.6556243338),
     ],
 )
-def test_a_proven_range_ends_where_the_orbit_grazes(pair, start, to, guess, status, at):
-    """At a grazing, a fold, an edge of a tongue."""
+def test_a_proven_range_ends_at_a_grazing_a_fold_or_a_tongue_edge(
+    pair, start, to, guess, status, special_tuning
+):
+    """The proof must reach each special point, and hold at single tunings below it."""
     orbit = gearlib.periodic_orbit(pair, start, guess=guess)
     refused = gearlib.certify_range(orbit, to=to)
     proven_to = float(re.search(r"to ([\d.]+) it is proven", refused.message).group(1))
-    # Pieces end at a billionth of the range; next to a fold the orbit moves like a root.
-    assert refused.status == status and at - 2e-7 < proven_to < at + 1e-9
-    proven = gearlib.certify_range(orbit, to=at - 1e-5)
-    assert (proven.start, proven.stop) == (start, at - 1e-5)
-    for tuning in np.linspace(start, at - 1e-5, 3):
+    # The last piece is a billionth of the range; near a fold the orbit changes like a root.
+    assert refused.status == status and special_tuning - 2e-7 < proven_to < special_tuning + 1e-9
+    proven = gearlib.certify_range(orbit, to=special_tuning - 1e-5)
+    assert (proven.start, proven.stop) == (start, special_tuning - 1e-5)
+    for tuning in np.linspace(start, special_tuning - 1e-5, 3):
         orbit = gearlib.periodic_orbit(pair, tuning, guess=orbit.state)
-        one = gearlib.certify(orbit)
-        assert (one.pattern, one.stability) == (proven.pattern, proven.stability)
+        certificate = gearlib.certify(orbit)
+        assert (certificate.pattern, certificate.stability) == (proven.pattern, proven.stability)
 
 
 def test_a_range_towards_lower_tuning_has_ascending_ends():
@@ -54,7 +56,7 @@ def test_a_range_without_length_orbit_or_proof_is_refused():
 
 
 def test_a_range_of_a_mesh_at_rest_is_proven():
-    """At constant stiffness the mesh rests, whatever the tuning."""
+    """At constant stiffness the mesh rests in its static state at any tuning."""
     resting = gearlib.GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.6, damping=0.05)
     assert gearlib.certify_range(gearlib.periodic_orbit(resting, 0.6), to=0.9).pattern == (1,)
 
@@ -71,7 +73,7 @@ def test_orbits_in_50_digits_lie_in_the_proven_range(pair, start, to, stability)
     orbit = gearlib.periodic_orbit(pair, start, guess=(0.5, 0.0))
     claim = claim_of(gearlib.certify_range(orbit, to=to))
     assert claim["stability"] == stability
-    # The last two pieces stand for the others.
+    # Only the last two pieces are checked, to save time.
     pieces = claim["pieces"][-2:]
     last = {"start": pieces[0]["start"], "stop": pieces[-1]["stop"], "pieces": pieces}
     assert faults(claim | last) == []

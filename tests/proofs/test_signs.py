@@ -16,11 +16,11 @@ from tests.proofs.claims import MATERIAL
 
 
 def is_proven_free_of_grazing(load, x, w, t, *crossed, code=1):
-    """Return whether an arc is proven to touch the flank line x = 0 nowhere between its ends.
+    """Return whether an arc is proven not to touch the flank line x = 0 between its ends.
 
-    The arc of x'' + x = load begins at the displacement x with the speed w and takes the time t.
-    `crossed` are two flags, for its begin and its end, whether the line is crossed there; `code` is
-    its contact code.
+    The arc of x'' + x = load starts at the displacement x with the speed w and lasts for the time
+    t. `crossed` holds two flags, for start and end, whether the line is crossed there. `code` is
+    the contact code.
     """
     with precision(160) as arb:
         law = flint().arb_mat([[0, 1, 0], [-1, 0, load], [0, 0, 0]])
@@ -46,26 +46,28 @@ def is_proven_free_of_grazing(load, x, w, t, *crossed, code=1):
     "lowest, proven", [(1e-9, True), (-1e-9, False), (0.0, False), (0.3, True)]
 )
 def test_a_dip_between_the_ends_is_noticed(lowest, proven):
-    # From the highest point over the lowest to the next highest point.
+    # The arc goes from its highest point over the lowest one to the next highest point.
     assert is_proven_free_of_grazing(1.0, 2.0 - lowest, 0.0, 2.0 * math.pi) == proven
 
 
 def test_an_arc_that_starts_or_ends_on_the_flank_line_has_one_sign():
-    # From the line with speed 1 to the line again, over the top.
-    back = 2.0 * math.pi - 2.0 * math.atan(1.0)
-    assert is_proven_free_of_grazing(1.0, 0.0, 1.0, 0.5 * back, True, False)
-    assert is_proven_free_of_grazing(1.0, 0.0, 1.0, back, True, True)
-    assert not is_proven_free_of_grazing(1.0, 0.0, 1.0, 0.5 * back, False, False)
-    assert not is_proven_free_of_grazing(1.0, 0.0, 1.0, 0.5 * back, True, False, code=0)
-    assert not is_proven_free_of_grazing(1.0, 0.0, 1.0, back + 0.1, True, False)
+    """Only crossings marked at the ends, in the direction of the contact, are allowed."""
+    # The arc starts on the line with speed 1 and returns to it after this time.
+    return_time = 2.0 * math.pi - 2.0 * math.atan(1.0)
+    assert is_proven_free_of_grazing(1.0, 0.0, 1.0, 0.5 * return_time, True, False)
+    assert is_proven_free_of_grazing(1.0, 0.0, 1.0, return_time, True, True)
+    assert not is_proven_free_of_grazing(1.0, 0.0, 1.0, 0.5 * return_time, False, False)
+    assert not is_proven_free_of_grazing(1.0, 0.0, 1.0, 0.5 * return_time, True, False, code=0)
+    assert not is_proven_free_of_grazing(1.0, 0.0, 1.0, return_time + 0.1, True, False)
     assert not is_proven_free_of_grazing(1.0, 0.0, -1.0, 0.5, True, False)
-    # At rest on the line, which is no crossing.
+    # An arc that is at rest on the line does not cross it.
     assert not is_proven_free_of_grazing(1.0, 0.0, 0.0, 1.0, True, False)
     assert not is_proven_free_of_grazing(1.0, 0.0, 0.0, 2.0 * math.pi, True, True)
     assert not is_proven_free_of_grazing(0.0, 0.0, 0.0, 1.0, True, True)
 
 
 def test_contacts_out_of_order_or_at_a_switch_are_noticed():
+    """Move a phase across the next one, and turn or stop the velocity at a crossing."""
     orbit = gearlib.periodic_orbit(MATERIAL, 0.815)
     with precision(160):
         proof = orbits.Proof(orbit, *orbits.simulated_contacts(orbit))
@@ -76,9 +78,9 @@ def test_contacts_out_of_order_or_at_a_switch_are_noticed():
         for phase in (after, after + 0.1, phases[lost].union(after)):
             with pytest.raises(ProofFailed, match="cannot be told apart"):
                 check_contacts(proof.path, arcs, proof.ends, [phase, *proof.phases[1:]])
-        # Up through the line where contact is said to be lost, down where gained, or to rest on it.
+        # The motion then crosses the line in the wrong direction, or rests on it.
         for node, factor in itertools.product((lost, gained), (-1, 0)):
-            # The product copies a matrix.
+            # The product with 1 copies the matrix.
             ends = [end * 1 for end in proof.ends]
             ends[node][1, 0] *= factor
             with pytest.raises(ProofFailed, match="not proven to be a crossing"):

@@ -26,7 +26,7 @@ DAMPED_FLANK = FLANK | {"material_damping": 1500.0, "backlash_damping": 200.0}
 
 
 def chain():
-    """Return a train of two meshes and a shaft, with all that a mesh may have."""
+    """Return a train of two meshes and a shaft with every feature of a mesh."""
     torque = 3000.0 * 0.036
     support = {"mass": 3.0, "support_stiffness": (2e8, math.inf), "support_damping": 300.0}
     bodies = [
@@ -35,7 +35,7 @@ def chain():
         gearlib.Body(name="right", offset=(3e-6, 2e-6), **GEAR),
         gearlib.Body(name="out", torque=-torque, **GEAR),
     ]
-    # The wheel drives.
+    # The wheel drives the first mesh.
     first = {"name": "in-left", "pinion": "left", "wheel": "in", "driving": "in"}
     first |= {"friction": (0.06, 0.04), "pitch_phase": -0.7, "tooth_thickness": (0.53, 0.46)}
     first |= {"deviation": gearlib.Harmonics((1e-6, 5e-7), (3e-7,)), "position": 0.4 - math.pi}
@@ -51,7 +51,7 @@ def chain():
 
 
 def branches():
-    """Return a gear that drives two equal gears in phase, whose contacts coincide."""
+    """Return a gear that drives two equal gears in phase, so that their contacts coincide."""
     bodies = [gearlib.Body(name="centre", torque=200.0, **GEAR)]
     bodies += [gearlib.Body(name=name, torque=100.0, **GEAR) for name in ("left", "right")]
     meshes = [
@@ -61,9 +61,9 @@ def branches():
     return gearlib.GearTrain(bodies=bodies, meshes=meshes)
 
 
-#: Its coast sides move with the bearings, and come into contact.
+#: Gears whose coast sides move with the bearings and come into contact.
 BEARINGS = gears(1e9, 600.0, 300.0, backlash=12e-6, **EVERYTHING | {"teeth": (1, 1)})
-#: Name -> model, tuning, number of contact events, the stability.
+#: Model, tuning, number of contact events and stability of each orbit.
 CASES = {
     "idler": (gearlib.idler(LIGHT), 0.6, 4, "stable"),
     "parametric resonance": (gearlib.idler(LIGHT), 1.0, 0, "unstable"),
@@ -75,8 +75,10 @@ CASES = {
 
 @cache
 def orbit_of(case):
+    """Return the periodic orbit of a case."""
     model, tuning, _, stability = CASES[case]
-    # Beside an unstable orbit motions are chaotic: from where one begins rounding would decide.
+    # Motions near an unstable orbit are chaotic, so that rounding would decide on a simulated
+    # guess.
     guess = model.start_state("static") if stability == "unstable" else None
     return gearlib.periodic_orbit(model, tuning, guess=guess)
 
@@ -89,7 +91,7 @@ def test_orbit_in_50_digits_lies_in_its_enclosures(case):
     assert (contacts, stability) == (len(proven.events), proven.stability)
     other = motion.orbit()
     assert motion.faults(other) == []
-    # Wrong enclosures are noticed.
+    # The check must notice wrong enclosures.
     motion.claim["multipliers"][0][0] = ["2", "2.1"]
     motion.claim["displacement"][motion.kept[0]] = ["7", "7.1"]
     assert motion.faults(other) == ["displacement", "multiplier"]
@@ -117,9 +119,9 @@ def test_orbits_that_cannot_be_proven_are_refused(monkeypatch):
 
 @pytest.mark.parametrize("tuning", [0.6, 0.651837])
 def test_unlisted_contacts_are_noticed(tuning):
-    """The orbit of the equations without loss of contact dips below the flank lines, by 2 and 1e-3.
+    """An orbit computed without contact loss dips below flank lines, by 2 and by 1e-3.
 
-    The lower dip lies within a piece, at whose ends nothing is seen of it.
+    The smaller dip lies within an arc, at whose ends nothing of it is seen.
     """
     with precision(128):
         dynamics = ArcDynamics(gearlib.idler(LIGHT), tuning)

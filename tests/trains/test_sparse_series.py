@@ -14,7 +14,7 @@ ALWAYS, NEVER = 0, 10**9
 
 
 def motion(train, tuning, state, mode_cost, periods=2):
-    """Run a train and return (results, events, maps, count of contact combinations with modes).
+    """Run a train and return (results, events, maps, count of combinations with modes).
 
     `mode_cost` decides whether the engine computes modes of a combination or integrates by series.
     """

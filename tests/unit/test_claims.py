@@ -39,7 +39,7 @@ def phase_lag(*dampings):
 
 @pytest.fixture(scope="module")
 def data():
-    """Return the `Data` to which the claims of the paper refer, with all runs from rest ("cold")."""
+    """Return the `Data` to which the claims of the paper refer, with runs from rest ("cold")."""
     curves, runs, options = [], [], RUN | {"samples_per_period": 32}
     for name, damping in DAMPINGS.items():
         pair = PAPER.replace(**damping)
@@ -204,7 +204,7 @@ def error_and_time_datasets(method, solver, errors, times):
 
 
 def test_the_table_names_the_fastest_method_of_the_library_and_of_other_packages(tmp_path):
-    """For each accuracy the table must list the fastest setting that reaches it, ours and others'."""
+    """For each accuracy the table must list the fastest setting that reaches it."""
     pairs = [
         error_and_time_datasets("exact", "exact", [2e-12], [1e-6]),
         error_and_time_datasets("rk4", "rk4", [1e-4, 1e-13], [5e-7, 1.0]),

@@ -1,4 +1,4 @@
-"""The configuration: numbers, units, speeds, defaults and schema; refusals are in tests/refusals."""
+"""The configuration: numbers, units, speeds, defaults and schema."""
 
 import copy
 import json

@@ -30,7 +30,7 @@ def verdict(quantity, reference=REFERENCE, tolerance=1e-2, **changes):
 
 
 def fractions(normal):
-    """Return changes of an outcome without events: `normal` is the time fraction of drive contact."""
+    """Return changes of an outcome without events; `normal` is the time fraction of drive side."""
     return {"fractions": (normal, 1.0 - normal, 0.0), "contacts": ()}
 
 

@@ -33,7 +33,7 @@ FIXED = ["--reduced-mass", "3.1", "--material-damping", "4000"]
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
-    """Write a measured set into an empty folder and call the command on it."""
+    """Return a function that writes a measured set into an empty folder and fits it by command."""
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments, table=TABLE, **changes):
@@ -45,25 +45,28 @@ def run(tmp_path, monkeypatch):
 
 
 def test_the_command_fits_with_the_settings_of_its_file(run):
+    """Compare the printed and stored fit of the command with `gearlib.fit`."""
     result = run("-o", "fit.nc", "--plot", "fit.png")
     assert result.exit_code == 0 and "drawn in fit.png" in result.output, result.output
     lines = result.output.splitlines()
-    # The name of the gears above it may have two lines.
+    # The name of the gears, printed first, may take two lines.
     assert "Rig 1, synthetic: computed for this test" in lines and "[[Variables]]" in lines
-    # A fit starts from the middle of the bounds, computed as in the library: another last digit may
-    # change its number of steps.
+    # A fit starts from the middle of the bounds. It is computed here as in the library, because
+    # another
+    # last digit may change the number of steps.
     middle = (2.6 + 3.7) / 2.0
     guess = TRUTH.replace(material_damping=5000.0, reduced_mass=middle, load=3289.5396)
     free = {"material_damping": (1000.0, 9000.0), "reduced_mass": (2.6, 3.7)}
-    expected = gearlib.fit(guess, gearlib.read_measured("rig.yaml"), free)
-    assert str(expected) in result.output
-    stored, computed = xr.load_dataset("fit.nc"), expected.dataset()
+    fit = gearlib.fit(guess, gearlib.read_measured("rig.yaml"), free)
+    assert str(fit) in result.output
+    stored, computed = xr.load_dataset("fit.nc"), fit.dataset()
     computed["identifiable"] = computed.identifiable.astype(stored.identifiable.dtype)
-    # The command converts units of the file: its rounding grows in derivatives by differences.
+    # The command converts units of the file, whose rounding grows in derivatives by differences.
     xr.testing.assert_allclose(stored, computed, rtol=1e-8)
     assert stored.parameter.values.tolist() == [*free]
     assert stored.parameter_units.values.tolist() == ["N s m-1", "kg"]
-    assert all(one.init == getattr(guess, name) for name, one in expected.params.items())
+    for name, parameter in fit.params.items():
+        assert parameter.init == getattr(guess, name), name
 
 
 WRONG_CALLS = [
@@ -99,7 +102,8 @@ TIME = np.arange(2000) * 1e-3
 def run_up(values=None, time=TIME, known=None, course=((0.0, 1e3), (2.0, 1.2e3)), **attrs):
     """Return made-up data of a run-up; `attrs` are attributes of the displacement.
 
-    `course` has rows of s and rpm, `known` further known values, or the text in their place.
+    `course` has rows of s and rpm. `known` is a dict of further known values or, to be wrong, a
+    text.
     """
     values = np.sin(TIME) if values is None else values
     data = xr.Dataset({"displacement": ("sample", values, {"units": "m"} | attrs)})
@@ -108,19 +112,20 @@ def run_up(values=None, time=TIME, known=None, course=((0.0, 1e3), (2.0, 1.2e3))
 
 
 def sweep(speed=(1e3, 2e3, 3e3), direction=(1, 1, 1), **attrs):
-    """Return largest displacements of a sweep."""
+    """Return made-up data of a sweep: the largest displacement at three speeds."""
     data = xr.Dataset({"displacement_max": ("sample", [1e-5, 2e-5, 3e-5], {"units": "m"} | attrs)})
     coords = {"speed": ("sample", list(speed)), "direction": ("sample", list(direction))}
     return data.assign_coords(coords)
 
 
 def jump(value, **attrs):
+    """Return data of a single upward jump speed."""
     return xr.Dataset({"jump_up": (np.shape(value) and ("a",), value, attrs)})
 
 
 SHORT = "time = '0 to 1.999 s' ... within known.course, 0 to 1 s"
 SLOW = "time = '0 to 1.999 s' ... more than 12 whole revolutions of known.course, not 0"
-#: How the sentence begins ... goes on -> data.
+#: Data with the sentence that refuses them; `...` stands for any words.
 WRONG_DATA = {
     "data = 'ndarray' ... datasets": np.zeros(3),
     "displacement = 'complex128' ... real numbers": run_up(np.sin(TIME) + 0j),
@@ -162,6 +167,7 @@ def test_gain_and_offset_are_eliminated_and_noise_is_single_or_common():
     noise = np.array([1e-7, 2e-7, 3e-7])
     data = sweep(unknown_gain=1, unknown_offset=1, noise_std=2e-7, units="V")
     with_noise = data.assign(displacement_max_noise_std=("sample", noise))
-    single, common = (observations_of(PAPER, part)[0].channels[0] for part in (with_noise, data))
+    single = observations_of(PAPER, with_noise)[0].channels[0]
+    common = observations_of(PAPER, data)[0].channels[0]
     assert single.eliminated == 2 and single.deviations.tolist() == noise.tolist()
     assert common.deviations.tolist() == [2e-7] * 3

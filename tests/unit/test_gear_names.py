@@ -29,7 +29,7 @@ train:
 
 
 def relieved():
-    """Return the configuration with 8 um of tip relief at both gears."""
+    """Return the configuration with 8 um of tip relief on both gears."""
     relief = {"tip_relief": {"amount": "8 um", "length": "2 mm"}}
     return overlay(OWN, {"gears": {"pinion": relief, "wheel": relief}})
 
@@ -49,7 +49,7 @@ def test_targets_that_do_not_support_gear_geometry_are_refused(target, words):
     with pytest.raises(ConfigError) as refusal:
         load(OWN | {"targets": [target]})
     assert str(refusal.value).startswith(words) and target in str(refusal.value)
-    # Asked for nothing in particular, these are left out.
+    # Without an explicit request these targets are left out.
     assert target not in load(OWN).computed_targets()
 
 
@@ -64,29 +64,34 @@ def test_targets_that_do_not_support_gear_geometry_are_refused(target, words):
     ],
 )
 def test_targets_of_gear_geometry_or_of_the_paper_are_refused_for_another_pair(target, words):
-    own = overlay_gears(CONFIG, {"gear_pair": {"max_stiffness": "3e8 N/m"}})
-    (error,) = load(own | {"targets": [target]}).target_errors()
+    other_pair = overlay_gears(CONFIG, {"gear_pair": {"max_stiffness": "3e8 N/m"}})
+    (error,) = load(other_pair | {"targets": [target]}).target_errors()
     assert words in error and error.endswith(f"for the target {target}")
-    # The default is no request.
-    assert load(own).target_errors() == [] and target not in load(own).computed_targets()
-    # Another load is no other pair.
+    # Default targets are not requested explicitly, and so are left out without an error.
+    assert (
+        load(other_pair).target_errors() == [] and target not in load(other_pair).computed_targets()
+    )
+    # A pair with another load still counts as the paper's pair.
     heavier = overlay_gears(CONFIG, {"gear_pair": {"load": 1e4}})
     assert target in load(heavier).computed_targets()
 
 
 def test_default_targets_of_a_train_given_by_geometry_with_and_without_a_pair():
-    alone = load(overlay_gears(overlay(CONFIG, PLANETS), PLANETS))
-    assert alone.computed_targets() == [*TRAIN_TARGETS]
-    both = PLANETS | {"gear_pair": {"load": 1e3}}
-    targets = load(overlay_gears(overlay(CONFIG, both), both)).computed_targets()
+    train_alone = load(overlay_gears(overlay(CONFIG, PLANETS), PLANETS))
+    assert train_alone.computed_targets() == [*TRAIN_TARGETS]
+    train_and_pair = PLANETS | {"gear_pair": {"load": 1e3}}
+    targets = load(
+        overlay_gears(overlay(CONFIG, train_and_pair), train_and_pair)
+    ).computed_targets()
     assert {*TRAIN_TARGETS, "resonance"} <= {*targets} and "reducer" not in targets
-    # The target "reducer" is refused if it is asked for.
+    # The target "reducer" is refused if it is requested.
     (words,) = load(CONFIG | PLANETS | {"targets": ["reducer", "campbell"]}).target_errors()
     assert words.startswith("train.kind = 'planetary_set' is not allowed: it must be split_")
     assert words.endswith(", for the target reducer")
 
 
 def test_descriptions_of_gears_name_their_geometry():
+    """Check descriptions of pairs, reducers and trains with helix, relief or neither."""
     helical = overlay(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}})
     pairs = (OWN, NAME), (helical, f"{NAME}, β 15°"), (relieved(), f"{NAME}, tip relief")
     for settings, name in pairs:

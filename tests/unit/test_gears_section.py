@@ -42,6 +42,7 @@ EVERY_KEY = yaml.safe_load("""
 
 
 def fzg():
+    """Return the FZG type C stage with the backlash of the documentation."""
     gears = fzg_c()
     return GearStage(gears.pinion, gears.wheel, gears.centre_distance, backlash=160.5e-6)
 
@@ -56,27 +57,36 @@ def test_the_pair_of_the_configuration_matches_the_library():
         (FZG | {"gears": gears}, {"power": 60e3, "speed": 2170.0, **energy}),
     ):
         expected = GearPair.from_geometry(fzg(), damping_ratio=0.06, **arguments).as_dict()
-        # 12 digits are kept.
+        # The configuration keeps 12 digits.
         pair = model(load(settings).pair("k")).as_dict()
         assert pair == pytest.approx(expected, rel=1e-11)
 
 
 def test_every_key_is_passed_to_the_gear():
+    """A section with every key must give the gear with all these fields."""
     assert EVERY_KEY.keys() == PinionSection.model_fields.keys()
     angles = {"pressure_angle": math.radians(22.0), "helix_angle": math.radians(5.0)}
     rack = Rack(addendum=0.9, dedendum=1.3, tip_radius=0.2)
     material = Material(young=200e9, poisson=0.29, density=7800.0)
     common = {"module": 4e-3, "width": 0.03, "rack": rack, "material": material, **angles}
-    # No model simulates tip relief of helical gears, but the section may have all keys.
+    # The section accepts all keys together, although no model simulates helical gears with relief.
     mesh = StageSection.model_validate(
         {"pinion": EVERY_KEY, "wheel": {"teeth": 50}, "torque": 50.0}
     ).mesh()
-    own = {"teeth": 40, "shift": 0.1, "tip_diameter": 0.1685, "thickness_allowance": -4e-5}
-    own |= {"bore": 0.04, "web": Web(thickness=0.01, rim_diameter=0.13, hub_diameter=0.06)}
-    own |= {"quality": 6, "pitch_errors": (5e-6,) + (0.0,) * 39}
-    own["tip_relief"] = TipRelief(amount=2e-5, length=3e-3, shape="parabolic")
-    assert mesh.pinion == SpurGear(**own, **common)
-    # What gears of one mesh share passes to the wheel, a bore or a web does not.
+    pinion_fields = {
+        "teeth": 40,
+        "shift": 0.1,
+        "tip_diameter": 0.1685,
+        "thickness_allowance": -4e-5,
+    }
+    pinion_fields |= {
+        "bore": 0.04,
+        "web": Web(thickness=0.01, rim_diameter=0.13, hub_diameter=0.06),
+    }
+    pinion_fields |= {"quality": 6, "pitch_errors": (5e-6,) + (0.0,) * 39}
+    pinion_fields["tip_relief"] = TipRelief(amount=2e-5, length=3e-3, shape="parabolic")
+    assert mesh.pinion == SpurGear(**pinion_fields, **common)
+    # The wheel inherits the properties that mating gears share, but no bore and no web.
     assert mesh.wheel == SpurGear(teeth=50, **common)
     wheel = {"teeth": 99, "internal": True, "outer_diameter": "440 mm"}
     pinion = {"teeth": 36, "module": "4 mm", "width": "30 mm"}
@@ -87,10 +97,10 @@ def test_every_key_is_passed_to_the_gear():
 def test_a_configuration_is_updated_with_another_one():
     smaller_load = {"gears": {"torque": 100.0}}
     assert load(overlay(FZG, smaller_load)).gear_pair.load < load(FZG).gear_pair.load
-    # A section replaces the other section that sets the same quantity.
+    # A section of gears replaces the other section that sets the same quantity.
     assert "gear_pair" not in overlay(CONFIG, FZG) and "gears" not in overlay(FZG, CONFIG)
-    k = overlay(FZG, {"dampings": {"k": {"material_damping": 1.0}}})["dampings"]["k"]
-    assert k == {"material_damping": 1.0, "backlash_damping": 0.0}
+    damping = overlay(FZG, {"dampings": {"k": {"material_damping": 1.0}}})["dampings"]["k"]
+    assert damping == {"material_damping": 1.0, "backlash_damping": 0.0}
     # `overlay_gears` also drops sections of config.yaml that belong to the paper's gears.
     assert overlay_gears({**CONFIG, **FZG}, FZG) == FZG
     for base, changes in ((CONFIG, {"gear_pair": {"load": 1.0}}), (FZG, smaller_load)):
@@ -98,18 +108,18 @@ def test_a_configuration_is_updated_with_another_one():
 
 
 def values(rows):
-    """Return name -> values of a table."""
+    """Return the values of each row of a table by its name."""
     return {row["name"]: row["values"] for row in rows}
 
 
 def test_the_table_shows_published_numbers():
+    """Compare with the numbers whose sources docs/worked_example.md names."""
     mesh = fzg()
     table = values([row._asdict() for row in gear_table.gear_quantities(mesh, torque=302.0)])
-    # docs/worked_example.md has the sources.
     assert table["working_pressure_angle"]["mesh"] == pytest.approx(22.44, abs=5e-3)
     assert table["transverse_contact_ratio"]["mesh"] == pytest.approx(1.44, abs=5e-3)
     assert table["tip_diameter"] == pytest.approx({"pinion": 82.46, "wheel": 118.36}, rel=1e-12)
-    # a - (d_a1 + d_f2) / 2, by hand from the geometry: d_f = m (z + 2 x - 2.5).
+    # The clearance is a - (d_a1 + d_f2) / 2 with the root diameter d_f = m (z + 2 x - 2.5).
     roots = 4.5 * (24 + 2 * 0.1715 - 2.5), 4.5 * (16 + 2 * 0.1817 - 2.5)
     gaps = [91.5 - (tip + root) / 2 for tip, root in zip((82.46, 118.36), roots, strict=True)]
     assert list(table["clearance"].values()) == pytest.approx(gaps, rel=1e-9)
@@ -139,13 +149,14 @@ def test_command_line_options_override_the_configuration(tmp_path):
     for changes, torque, damping in (((), 302.0, 0.06), (options, 100.0, 0.1)):
         table = values(json.loads(call("--format", "json", *changes).output))
         assert table["backlash"]["mesh"] == pytest.approx(160.5, rel=1e-12)
-        # The ratio that the user gives holds for every method.
+        # A damping ratio given by the user applies to every method.
         assert table["damping_ratio"] == pytest.approx(dict.fromkeys(table["uncertainty"], damping))
         assert table["torque"]["mesh"] == pytest.approx(torque, rel=1e-12)
 
 
 @pytest.mark.parametrize("damping", [{"damping_ratio": 0.05}, {"material_damping": 800.0}])
 def test_the_table_shows_the_duty_point_of_the_load_sharing_model(damping):
+    """The table must list the dynamic factor and the orders above 5 % of the largest one."""
     mesh, load = fzg(), {"torque": 302.0, **damping}
     model = LoadSharingPair.from_geometry(mesh, **load)
     rows = gear_table.duty_rows(model, 2170.0, 302.0, model.stiffness_model)
@@ -162,18 +173,19 @@ def test_the_table_shows_the_duty_point_of_the_load_sharing_model(damping):
 
 @pytest.mark.parametrize("helix_angle", [0.0, 0.3])
 def test_the_harris_map_shows_the_relief_of_the_gears_without_pitch_errors(helix_angle):
+    """The entry "own" must be the transmission error of the gears with their relief alone."""
     gear = {"teeth": 24, "module": 4e-3, "width": 0.03, "helix_angle": helix_angle}
     relief = {"amount": 1e-5, "length": 2e-3}
     gears = {
         "pinion": gear | {"pitch_errors": (1e-6,) * 24},
         "wheel": gear | {"tip_relief": relief},
     }
-    found = harris_map(gears | {"torque": 200.0}, [0.5, 1.0], "iso", 32)
-    assert found.relief.values.tolist() == ["none", "own", "short", "long"]
+    dataset = harris_map(gears | {"torque": 200.0}, [0.5, 1.0], "iso", 32)
+    assert dataset.relief.values.tolist() == ["none", "own", "short", "long"]
     mesh = geometry.stage({"pinion": gear, "wheel": gear | {"tip_relief": relief}})
     error = mesh.transmission_error(200.0, phases=32, stiffness="iso").transmission_error[0]
-    own = found.sel(relief="own")
-    np.testing.assert_array_equal(own.transmission_error[1], error)
-    assert own.relief_amount.values.tolist() == [0.0, 1e-5]
-    peaks = found.peak_to_peak_error.sel(torque=200.0)
+    own_relief = dataset.sel(relief="own")
+    np.testing.assert_array_equal(own_relief.transmission_error[1], error)
+    assert own_relief.relief_amount.values.tolist() == [0.0, 1e-5]
+    peaks = dataset.peak_to_peak_error.sel(torque=200.0)
     assert peaks.sel(relief="long") < 0.2 * peaks.sel(relief="none")

@@ -32,7 +32,10 @@ LONG = (
 
 @pytest.fixture
 def written(tmp_path):
-    """Write a synthetic set and return its path; a change to None takes a key away."""
+    """Return a function that writes a synthetic measured set and returns its path.
+
+    A change to None removes a key.
+    """
 
     def written(table=TABLE, **changes):
         settings = {key: value for key, value in (SETTINGS | changes).items() if value is not None}
@@ -48,16 +51,17 @@ def written(tmp_path):
 
 @pytest.fixture
 def rig(written):
-    """Write a synthetic set and read it."""
+    """Return a function that writes a synthetic measured set and reads it."""
     return lambda *table, **changes: read_measured(written(*table, **changes))
 
 
 def channels(**changes):
-    """Return channels with keys of some changed: x={"unit": ...}."""
+    """Return the channels with some keys changed, as in channels(x={"unit": ...})."""
     return {"channels": {key: keys | changes.get(key, {}) for key, keys in CHANNELS.items()}}
 
 
 def test_a_wide_table_is_read_in_si(rig, tmp_path):
+    """Check values, attributes and known quantities, and that the dataset can be stored."""
     data = rig(known={"backlash": "80 um", "load": 3e3, "ramp_rate": None})
     assert data.time.values == pytest.approx([0.0, 1e-3, 2e-3], rel=1e-15)
     assert data.displacement.values == pytest.approx([1.5e-6, 2.5e-6, -3e-6], rel=1e-15)
@@ -96,6 +100,7 @@ def test_units_of_measured_data_match_the_library(rig, unit, observable, factor,
 
 
 def test_a_long_table_is_read_in_si(rig):
+    """Check samples of two conditions in a table with one row per value."""
     speeds = {"jump_down": {"value": "2500 rpm", "noise": "50 Hz"}}
     conditions = {"up": {"direction": "up", "speed": "20 Hz"}}
     conditions["down"] = {"direction": "down", "speed": 900}
@@ -132,9 +137,9 @@ def test_empty_cells_are_read_as_gaps_and_reported(rig):
 
 def test_tables_in_other_encodings_separators_and_date_formats_are_read(rig):
     german = 'Prüfstand "7"\nt;x;F\n# Pause\n0;1,5;2\n1;2,5;2,5\n'
-    how = {"separator": ";", "decimal": ",", "comment": "#", "skip": 1}
+    table_format = {"separator": ";", "decimal": ",", "comment": "#", "skip": 1}
     for encoding in ("utf-8", "latin-1", "utf-16"):
-        data = rig(german.encode(encoding), encoding=encoding, **how)
+        data = rig(german.encode(encoding), encoding=encoding, **table_format)
         assert data.displacement.values == pytest.approx([1.5e-6, 2.5e-6])
     data = rig(b"\xef\xbb\xbf" + TABLE.replace("\n", "\r\n").encode())
     assert data.dynamic_force.values[1] == 2500.0
@@ -146,7 +151,7 @@ def test_tables_in_other_encodings_separators_and_date_formats_are_read(rig):
 
 
 DIRECTION = {"channels": CHANNELS | {"other": {"observableId": "direction", "unit": "1"}}}
-#: How the sentence goes -> table, changes.
+#: Table and changed settings for each sentence of refusal; `...` stands for any words.
 REFUSED = {
     "source is missing: it must be a text": (TABLE, {"source": None}),
     "data = 'rig.xlsx' ... csv": (TABLE, {"data": "rig.xlsx"}),
@@ -201,7 +206,7 @@ def test_invalid_measured_data_are_refused_in_one_sentence(rig, tmp_path, senten
 
 
 def universal_file(path, binary=0, **changes):
-    """Write a universal file of 50 points; return their times, and the signals by name."""
+    """Write a universal file of 50 points, and return their times and the signals by name."""
     import pyuff
 
     time = np.arange(50) * 1e-3
@@ -232,6 +237,7 @@ def test_a_universal_file_with_datasets_58_is_read(rig, tmp_path, binary):
 
 @pytest.mark.parametrize("changes", [{"binary": 1}, {}, {"abscissa_spacing": 0}])
 def test_a_universal_file_ends_at_its_stated_number_of_points(rig, tmp_path, changes):
+    """A file must be read up to a smaller stated number of points and refused for a larger one."""
     time, signals = universal_file(tmp_path / "rig.uff", **changes)
     content = (tmp_path / "rig.uff").read_bytes()
     if "binary" not in changes:
@@ -290,7 +296,7 @@ UNKNOWN = {"gain": "unknown", "offset": "unknown"}
 
 @pytest.fixture(scope="module")
 def resonance():
-    """The characteristics of the pair, as the workflow gathers them."""
+    """Return the resonance curves of the pair, gathered as by the workflow."""
     tunings = np.round(np.arange(0.55, 0.9501, 0.01), 4)
     run = {"periods": 120, "record_periods": 24}
     shards = [
@@ -301,14 +307,17 @@ def resonance():
 
 
 def csv(heads, *columns):
-    """Return the text of a table with these columns."""
+    """Return the text of a table with given column heads and columns."""
     rows = [heads, *zip(*columns, strict=True)]
     return "".join(",".join(map(str, row)) + "\n" for row in rows)
 
 
 @pytest.fixture
 def curve(written, resonance):
-    """Return a function that measures factor * displacement_max + shift (um), up and down."""
+    """Return a function that makes measured resonance curves, up and down.
+
+    They are factor * displacement_max + shift, in um; further arguments are keys of the channel.
+    """
 
     def measure(factor=1.0, shift=0.0, **channel):
         sweeps = resonance.isel(damping=0).sel(direction=["up", "down"])
@@ -325,12 +334,13 @@ def curve(written, resonance):
 
 
 def scores(curves, resonance):
-    """Return name of a compared quantity -> row of the table, a dict."""
+    """Return the row of the comparison table of each compared quantity, as dicts."""
     names, *rows = study.comparison_rows(curves, resonance)
     return {row[1]: dict(zip(names, row, strict=True)) for row in rows}
 
 
 def test_scores_that_need_no_calibration_do_not_change_with_gain_and_offset(curve, resonance):
+    """Ratios of speeds and peaks and the misfit with free gain must not depend on the sensor."""
     plain, scaled = curve(), curve(factor=1.7, shift=-30.0, **UNKNOWN)
     calibrated, free = (scores([part], resonance) for part in (plain, scaled))
     jumps = calibrated["jump down over jump up"]
@@ -346,7 +356,7 @@ def test_scores_that_need_no_calibration_do_not_change_with_gain_and_offset(curv
     sensor = "misfit of displacement_max over its range, as calibrated"
     assert calibrated[sensor]["computed"] < 1e-12 and sensor not in free
     assert calibrated[sensor]["calibration"] == "sensor"
-    # The figure draws the scaled set in open markers, fitted to the model: at the same points.
+    # The figure fits the scaled set to the model, so that its open markers lie on the same points.
     figure = resonance_figure.draw_resonance(resonance, measured=[plain, scaled], forces=True)
     lines = [line for axes in figure.axes for line in axes.lines]
     points = [line for line in lines if line.get_marker() in "^v" and line.get_markersize() == 3.0]
@@ -363,17 +373,19 @@ def test_differences_are_reported_in_standard_deviations_where_the_noise_is_know
 
 
 def test_a_jump_is_a_single_large_step():
+    """A step of one interval is a jump, also for unsorted speeds; steep smooth curves are not."""
     speed = np.linspace(1000.0, 2000.0, 101)
     step = np.where(speed < 1503.0, 1.0, 3.0) + 0.3 * np.sin(speed / 100.0)
     mixed = np.random.default_rng(2).permutation(speed.size)
-    at, std = study.jump(speed[mixed], step[mixed])
-    assert at == 1505.0 and std == pytest.approx(10.0 / math.sqrt(12.0))
+    jump_speed, std = study.jump(speed[mixed], step[mixed])
+    assert jump_speed == 1505.0 and std == pytest.approx(10.0 / math.sqrt(12.0))
     for smooth in (np.tanh((speed - 1500.0) / 25.0), np.ones(speed.size), speed):
         assert math.isnan(study.jump(speed, smooth)[0])
     assert math.isnan(study.jump(speed[:3], step[:3])[0])
 
 
 def test_harmonics_of_a_synthetic_time_history_are_recovered(written):
+    """Amplitudes and phases relative to the first harmonic must be those of the synthetic signal."""
     amplitudes, phases = np.array([5.0, 2.0, 1.0, 0.5, 0.25]), np.array([0.4, 1.0, -0.7, 2.0, 0.1])
     orders, rate = np.arange(1, 6), 2.0 * np.pi * 3333.0 / 60.0 * 24
     time = np.sort(np.random.default_rng(3).uniform(0.0, 1.0, 3000))
@@ -388,9 +400,10 @@ def test_harmonics_of_a_synthetic_time_history_are_recovered(written):
     assert course.amplitude.values == pytest.approx(1e-6 * amplitudes, rel=1e-9)
     shape = np.radians(course.shape_phase.values) - (phases - orders * phases[0])
     assert np.cos(shape) == pytest.approx(1.0, abs=1e-12)
-    # The computed displacement is drawn over one period, closed, from the top of its first wave.
+    # The computed curve covers one closed period and starts at the maximum of its first harmonic.
     samples = course.computed.values[:-1]
-    wave = np.fft.rfft(samples)[1:3] * 2.0 / samples.size  # harmonics 1 and 2
+    # These are harmonics 1 and 2.
+    wave = np.fft.rfft(samples)[1:3] * 2.0 / samples.size
     assert np.angle(wave[0]) == pytest.approx(0.0, abs=0.05)
     assert np.abs(wave) == pytest.approx(course.computed_amplitude.values[:2], rel=0.03)
 
@@ -402,7 +415,7 @@ def test_conditions_may_have_different_observables(written):
     path = written(table, channels=X_AND_FORCE, conditions=conditions)
     run = {"periods": 24, "record_periods": 1, "samples_per_period": 32}
     courses = study.time_history_harmonics(path, {"k": PAIR}, run)
-    # Not measured: the force in the first condition, the displacement in the second.
+    # The first condition has no force, and the second one no displacement.
     np.testing.assert_array_equal(
         np.isnan(courses.amplitude[..., 0]).squeeze(), ~np.eye(2, dtype=bool)
     )

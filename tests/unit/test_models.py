@@ -36,7 +36,7 @@ PAIR = GearPair.from_ratios(
 
 @pytest.mark.parametrize("model", [ONE, SIX])
 def test_a_model_takes_scales_and_ratios_from_its_pair(model):
-    # Models lack some attributes, and define others themselves.
+    # Models lack some attributes of a pair and define others themselves.
     excepted = {"from_geometry", "from_ratios", "RATIOS", "ratio_slopes"}
     excepted |= {*vars(Model), *vars(model)}
     names = {name for name in dir(PAPER) if not name.startswith("_")}
@@ -45,7 +45,7 @@ def test_a_model_takes_scales_and_ratios_from_its_pair(model):
         if callable(value):
             value, expected = value(0.8), expected(0.8)
         assert value == expected, name
-    # A model may have further scales: a torque, which a pair without radii does not know.
+    # Models with base radii also have a scale of torque.
     assert PAPER.scales().items() <= model.scales().items()
     assert not hasattr(model, "from_ratios")
 
@@ -60,6 +60,7 @@ def test_a_copy_is_a_model_of_the_same_kind(model):
 
 @pytest.mark.parametrize("model", [ONE, SIX])
 def test_a_copy_changes_the_model_or_its_pair(model):
+    """Fields of the pair are changed in the pair, all other fields in the model itself."""
     changed = model.replace(backlash=20e-6, deviation=Harmonics((2e-6,)))
     assert type(changed) is type(model) and changed.deviation == Harmonics((2e-6,))
     assert changed.pair == PAPER.replace(backlash=20e-6)
@@ -71,6 +72,7 @@ def test_a_copy_changes_the_model_or_its_pair(model):
 
 
 def test_a_copy_computes_derived_defaults_anew_and_keeps_explicit_values():
+    """Torques, teeth, coast deviation and dampings have defaults that follow from other fields."""
     heavier = SIX.replace(load=2.0 * PAPER.load)
     assert heavier.torques == tuple(2.0 * torque for torque in SIX.torques)
     assert SIX.replace(base_radii=(0.2, 0.1)).torques == (0.2 * PAPER.load, 0.1 * PAPER.load)
@@ -96,19 +98,19 @@ def test_the_reduced_mass_of_two_gears_matches_the_formula_of_two_bodies():
 @pytest.mark.parametrize(("model", "teeth"), [(PAPER, 24), (UNEQUAL, 30), (TRAIN, 24)])
 def test_a_run_at_a_speed_matches_its_tuning_and_reports_torques_if_radii_are_known(model, teeth):
     run = simulate(model, speed=2000.0, **RUN)
-    # So many mesh periods in a second.
+    # The mesh frequency is the number of teeth that pass in a second.
     per_second = float(run.mesh_frequency) / (2.0 * math.pi)
     assert per_second == pytest.approx(2000.0 / 60.0 * teeth, rel=1e-12)
     assert float(run.speed) == pytest.approx(2000.0, rel=1e-12)
     assert run.speed.attrs["units"] == "min-1"
     same = simulate(model, model.tuning_at(2000.0), **RUN)
     assert same.displacement.equals(run.displacement)
-    # A pair knows the force alone.
+    # A pair without base radii has a force, but no torque.
     assert ("torque" in run) == (model is not PAPER)
     if model is UNEQUAL:
         assert float(run.torque) == pytest.approx(PAPER.load * 0.1, rel=1e-12)
     if model is TRAIN:
-        # Three branches, each with the load of the pair.
+        # Each of three branches carries the load of the pair.
         torque = 3.0 * PAPER.load * TRAIN.by_name["input"].base_radius
         assert float(run.torque.sel(body="input")) == pytest.approx(torque, rel=1e-12)
         assert run.torque.attrs["units"] == "N m"
@@ -144,17 +146,17 @@ def test_stiffness_tables_are_read_and_continued_periodically(tmp_path):
     assert Tabulated.read(path) == TABLE
     with pytest.raises(ValueError, match=r"stiffness = 'C' .* \['phase', 'stiffness'\]"):
         Tabulated.read(path, stiffness="C")
-    # As a spreadsheet with decimal commas writes it, with a column more and a byte order mark.
+    # Spreadsheets may write decimal commas, an additional column and a byte order mark.
     german = path.read_text().replace(",", ";").replace(".", ",").replace("\n", ";\r\n")
     path.write_bytes(f"\ufeff{german};;\r\n".encode())
     assert Tabulated.read(path) == TABLE
     with pytest.raises(ValueError, match="^path = .* CSV"):
         Tabulated.read(tmp_path / "none.csv")
-    # The last step, stiffness 2, holds until the first one begins in the next period.
+    # The last step, of stiffness 2, lasts until the first one begins in the next period.
     pieces = Steps(phase=(1.0, 3.0), stiffness=(5.0, 2.0)).pieces()
     np.testing.assert_array_equal(pieces.breaks, [0.0, 1.0, 3.0, 2.0 * math.pi])
     np.testing.assert_array_equal(pieces.lines, [[2.0, 0.0], [5.0, 0.0], [2.0, 0.0]])
-    # Pieces below the mean stiffness are low.
+    # Pieces below the mean stiffness count as low.
     np.testing.assert_array_equal(pieces.low, [True, False, True])
 
 
@@ -169,7 +171,8 @@ def test_harmonics_of_a_tabulated_profile_are_recovered():
     "call", [lambda pair: simulate(pair, 0.9, **SPAN), lambda pair: sweep(pair, [0.7, 0.9], **SPAN)]
 )
 def test_units_of_variables_show_their_scaling(call):
-    # The same pair in other units of length, mass and time: powers of two change no digit.
+    """Each variable must change by the factor of its unit if all units change."""
+    # Units of length, mass and time change by powers of two, which cause no rounding.
     length, mass, time = 2.0, 4.0, 2.0
     pair = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
     changed = in_units(pair, length, mass, time)
@@ -184,10 +187,12 @@ def test_units_of_variables_show_their_scaling(call):
 
 def test_exceeding_the_event_limit_gives_a_status_and_nan():
     chaotic = PAIR.replace(material_damping=0.0, backlash_damping=0.0)
-    stuck = simulate(chaotic, 0.05, periods=3, max_events=5)
-    assert int(stuck.status) == 1 and "raise max_events" in stuck.status.attrs["message"]
-    assert stuck.displacement.isnull().all() and stuck.final_state.isnull().all()
-    assert stuck.sizes["event"] == 0
+    stopped_run = simulate(chaotic, 0.05, periods=3, max_events=5)
+    assert (
+        int(stopped_run.status) == 1 and "raise max_events" in stopped_run.status.attrs["message"]
+    )
+    assert stopped_run.displacement.isnull().all() and stopped_run.final_state.isnull().all()
+    assert stopped_run.sizes["event"] == 0
     table = sweep(chaotic, [0.05], periods=300, record_periods=1, max_events=5)
     assert table.status.values.tolist() == [1] and table.displacement_max.isnull().all()
 

@@ -17,33 +17,39 @@ LOSING = GearPair.from_ratios(damping=0.02, backlash_ratio=0.5, backlash_damping
 
 
 def run(pair=LOSING, tuning=1.0, **more):
+    """Simulate a pair that loses contact and record whole revolutions."""
     return simulate(pair, tuning, **{"periods": 600, "record_periods": 24} | more)
 
 
 def test_the_balance_of_every_order_holds():
-    # (-w^2 + i w d) X + F / nu^2 = 0 at w > 0 by the equation of motion, in contact or not, where
-    # both dampings are equal; the mean force is the load.
+    """If both dampings are equal, the equation of motion holds for each harmonic w > 0.
+
+    It is (-w^2 + i w d) X + F / nu^2 = 0, with and without contact. The mean force is the load.
+    """
     pair = GearPair.from_ratios(damping=0.03, backlash_ratio=0.5, backlash_damping=0.03, **COMMON)
     spectrum = orders(run(pair, 0.66, periods=1500, samples_per_period=2048), count=40)
-    w = spectrum.mesh_order.values[24::24]
+    orders_of_mesh = spectrum.mesh_order.values[24::24]
     x, force = (
         spectrum[f"{name}_amplitude"].values[24::24]
         * np.exp(1j * spectrum[f"{name}_phase"].values[24::24])
         for name in ("error", "force")
     )
-    stiffness = x * (w**2 - 1j * w * 0.06 / 0.66) * 0.66**2
+    stiffness = x * (orders_of_mesh**2 - 1j * orders_of_mesh * 0.06 / 0.66) * 0.66**2
     assert np.abs(stiffness - force).max() < 1e-6
     assert spectrum.force_amplitude.values[0] == pytest.approx(1.0, abs=1e-8)
 
 
 def test_errors_decrease_with_the_samples_and_are_estimated():
+    """The error estimates must bound the differences from a run with many samples."""
     few, more, many = (orders(run(samples_per_period=n), count=4) for n in (64, 256, 4096))
     for name in ("force", "error"):
         exact = many[f"{name}_amplitude"].values
-        errors = [np.abs(part[f"{name}_amplitude"].values - exact).max() for part in (few, more)]
+        errors = [
+            np.abs(spectrum[f"{name}_amplitude"].values - exact).max() for spectrum in (few, more)
+        ]
         assert errors[1] < 0.1 * errors[0] < 1e-3 * exact.max()
-        for error, part in zip(errors, (few, more), strict=True):
-            assert error <= part[f"{name}_amplitude_error"].values.max()
+        for error, spectrum in zip(errors, (few, more), strict=True):
+            assert error <= spectrum[f"{name}_amplitude_error"].values.max()
     with pytest.raises(ValueError, match="samples_per_period = 32 is not allowed for these orders"):
         orders(run(samples_per_period=32), count=4)
 
@@ -58,6 +64,7 @@ def test_runs_without_whole_revolutions_are_refused():
 
 
 def test_orders_of_a_known_signal_are_recovered_by_speed_or_tacho():
+    """The signal has three known waves; its overall level follows from their amplitudes."""
     data, turns = ramp(600.0, 1800.0, jitter=0.0)
     revolutions = turns(data.time.values)
     data = data.assign_coords(time=data.time + 2.0)
@@ -70,12 +77,12 @@ def test_orders_of_a_known_signal_are_recovered_by_speed_or_tacho():
     assert np.abs(track.amplitude - math.sqrt(0.5)).max() < 2e-5
     pulses = np.interp(np.arange(int(revolutions[-1]) + 1), revolutions, data.time.values)
     by_tacho = gearlib.order_map(data.drop_vars("speed"), tacho=pulses, **OPTIONS)
-    # The first and last pulses have neighbours on one side only.
+    # Blocks next to the first and last pulses are less accurate.
     assert_orders(by_tacho.isel(time=slice(3, -3)))
 
 
 def test_the_last_revolution_counts_and_powers_have_squared_units():
-    # Sums of floats end a little before or behind the last whole revolution.
+    # Sums of floats end slightly before or after the last whole revolution.
     for seconds in (0.7, 1.1, 2.0, 2.9):
         t = np.linspace(0.0, seconds, 20_001)
         wave = {"acceleration": ("sample", 3.0 * np.sin(math.tau * 50.0 * t), {"units": "m s-2"})}
@@ -116,31 +123,32 @@ MESH = own(quality=5)
 
 
 def test_a_duty_point_matches_the_settled_run_in_si_units():
-    duty = duty_point(MESH, 6000.0, torque=85.0, damping_ratio=0.05)
+    """Compare forces, errors and orders with a long run and with ISO 6336."""
+    point = duty_point(MESH, 6000.0, torque=85.0, damping_ratio=0.05)
     pair = LoadSharingPair.from_geometry(MESH, torque=85.0, damping_ratio=0.05)
     run = simulate(pair, speed=6000.0, periods=1000)
-    assert duty.mesh_frequency_hertz == pytest.approx(6000.0 / 60.0 * 23, rel=1e-12)
-    assert duty.static_force == pytest.approx(85.0 / (MESH.pinion.base_diameter / 2), rel=1e-12)
-    assert duty.dynamic_factor == pytest.approx(float(run.dynamic_force_max), rel=1e-9)
-    assert duty.mesh_force_max == pytest.approx(duty.dynamic_factor * duty.static_force)
-    height = float(run.displacement_max - run.displacement_min) * pair.static_deflection
-    assert duty.error_peak_to_peak == pytest.approx(height, rel=1e-9)
-    power = (duty.mesh_order_error.values**2).sum() / 2.0
-    assert duty.error_rms.item() ** 2 == pytest.approx(power, rel=1e-4)
-    assert duty.iso_dynamic_factor == dynamic_factor(MESH, 85.0, 6000.0).factor
+    assert point.mesh_frequency_hertz == pytest.approx(6000.0 / 60.0 * 23, rel=1e-12)
+    assert point.static_force == pytest.approx(85.0 / (MESH.pinion.base_diameter / 2), rel=1e-12)
+    assert point.dynamic_factor == pytest.approx(float(run.dynamic_force_max), rel=1e-9)
+    assert point.mesh_force_max == pytest.approx(point.dynamic_factor * point.static_force)
+    peak_to_peak = float(run.displacement_max - run.displacement_min) * pair.static_deflection
+    assert point.error_peak_to_peak == pytest.approx(peak_to_peak, rel=1e-9)
+    power = (point.mesh_order_error.values**2).sum() / 2.0
+    assert point.error_rms.item() ** 2 == pytest.approx(power, rel=1e-4)
+    assert point.iso_dynamic_factor == dynamic_factor(MESH, 85.0, 6000.0).factor
     # The motion repeats and is never without drive-side contact.
-    assert duty.settled == 1 and duty.contact_loss_fraction == pytest.approx(0.0, abs=1e-12)
-    assert all({"units", "long_name"} <= value.attrs.keys() for value in duty.data_vars.values())
+    assert point.settled == 1 and point.contact_loss_fraction == pytest.approx(0.0, abs=1e-12)
+    assert all({"units", "long_name"} <= value.attrs.keys() for value in point.data_vars.values())
 
 
 def test_mesh_orders_hidden_by_free_vibrations_are_nan():
-    # Undamped free vibrations go on; at low speeds they are too fast for the samples of a period.
+    # Undamped free vibrations persist and hide the mesh orders close to their frequency.
     mesh = GearStage(*(SpurGear(teeth=z, module=4e-3, width=0.032) for z in (19, 47)), backlash=0.0)
     options = {"damping_ratio": 0.0, "initial_state": (0.0, 0.0), "options": {"coupling": 1.0}}
-    duty = duty_point(mesh, 700.0, torque=210.0, **options)
-    assert duty.settled == 0 and duty.dynamic_factor > 1.5
-    # The other orders have values.
-    assert 0 < np.isnan(duty.mesh_order_force.values).sum() < 3
+    point = duty_point(mesh, 700.0, torque=210.0, **options)
+    assert point.settled == 0 and point.dynamic_factor > 1.5
+    # All other orders have values.
+    assert 0 < np.isnan(point.mesh_order_force.values).sum() < 3
 
 
 def test_bearings_of_six_degrees_and_trains_carry_the_load():
@@ -148,12 +156,12 @@ def test_bearings_of_six_degrees_and_trains_carry_the_load():
     bodies = {"base_radii": (0.027, 0.0716), "inertias": (1e-4, 5e-3), "masses": (0.4, 2.5)}
     bearings = {"bearing_stiffness": (1e8,) * 4, "bearing_damping": (500.0,) * 4}
     six_degrees = gearlib.SixDegreePair(pair=pair.replace(contact_ratio=2.0), **bodies, **bearings)
-    # Constant stiffness: the bearings carry the static mesh force.
+    # At constant stiffness the bearings carry the static mesh force.
     forces = duty_point(six_degrees, 3000.0).bearing_force_max.values
     assert forces == pytest.approx([pair.load] * 2, rel=1e-6)
     train = duty_point(gearlib.two_stage(pair), 3000.0)
     assert train.mesh_force_max.dims == ("mesh",) and train.bearing_force_max.dims == ("body",)
-    # A model has its load, the geometry needs a torque.
+    # A model has a load of its own, while gear geometry needs a torque.
     with pytest.raises(ValueError, match="torque = 1"):
         duty_point(pair, 3000.0, torque=1.0)
     with pytest.raises(ValueError, match="torque is missing"):

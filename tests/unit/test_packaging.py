@@ -18,28 +18,30 @@ CONDA = {"matplotlib": "matplotlib-base", "snakemake": "snakemake-minimal"}
 
 
 def load(path):
+    """Read a YAML file of the project."""
     return yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
 
 
 def bounds(requirements):
-    """Return name -> lower bound of requirements such as "numpy>=2.1" or "numpy >=2.1"."""
+    """Return the lower bounds of requirements such as "numpy>=2.1" or "numpy >=2.1" by name."""
     pairs = [re.match(r"([\w.-]+)\s*(?:>=([\d.]+))?", text).groups() for text in requirements]
     return {name.lower(): bound for name, bound in pairs}
 
 
-def expected(*extras):
-    """Return name in conda -> lower bound of Python, the dependencies and those of the extras."""
+def expected_bounds(*extras):
+    """Return the lower bounds of Python, the dependencies and given extras by conda names."""
     rows = bounds([*PROJECT["dependencies"], *(row for name in extras for row in EXTRAS[name])])
     python = {"python": PROJECT["requires-python"].removeprefix(">=")}
     return python | {CONDA.get(name, name): bound for name, bound in rows.items()}
 
 
 def test_conda_environments_have_what_pip_installs_and_everything_is_pinned():
+    """Compare both conda environments and the constraints with pyproject.toml."""
     packages = bounds(load("environment.yml")["dependencies"])
     assert packages.pop("pip") is None
-    assert packages == expected("workflow", "explore", "proof")
+    assert packages == expected_bounds("workflow", "explore", "proof")
     packages = bounds(load("workflow/envs/gearlib.yaml")["dependencies"])
-    assert packages.items() <= expected("workflow", "proof").items()
+    assert packages.items() <= expected_bounds("workflow", "proof").items()
     text = (ROOT / "requirements/constraints.txt").read_text(encoding="utf-8")
     pinned = set(re.findall(r"^([\w.-]+)==", text.lower().replace("_", "-"), re.M))
     required = bounds([*PROJECT["dependencies"], *itertools.chain(*EXTRAS.values())])
@@ -51,9 +53,9 @@ def test_the_citation_file_states_the_version():
 
 
 def test_make_runs_every_folder_of_tests():
-    run = SETTINGS["tool"]["pytest"]["ini_options"]["testpaths"]
+    test_paths = SETTINGS["tool"]["pytest"]["ini_options"]["testpaths"]
     paths = (ROOT / "tests").rglob("test_*.py")
-    assert {str(path.parent.relative_to(ROOT)) for path in paths} == set(run)
+    assert {str(path.parent.relative_to(ROOT)) for path in paths} == set(test_paths)
 
 
 def test_every_file_named_on_the_architecture_page_exists():

@@ -21,6 +21,7 @@ from tests.trains import random_trains
 
 @pytest.fixture(autouse=True)
 def no_window():
+    """Draw without windows and close all figures afterwards."""
     pyplot.switch_backend("Agg")
     yield
     pyplot.close("all")
@@ -55,22 +56,22 @@ def test_variables_that_a_run_up_does_not_have_are_refused():
         plot.run_up(run, variable="phase")
 
 
-def gone(name, *variables):
-    """Return golden data of which variables have no numbers."""
+def golden_without(name, *variables):
+    """Return golden data in which given variables are NaN."""
     data = golden.read(name)
     return data.assign({variable: data[variable] * np.nan for variable in variables})
 
 
 EXTREMA = ["displacement_max", "displacement_min"]
-CURVES, PLANES, JUMPS = map(gone, ("resonance.nc", "phase_planes.nc", "jump.nc"))
+CURVES, PLANES, JUMPS = map(golden_without, ("resonance.nc", "phase_planes.nc", "jump.nc"))
 SHORT = CURVES.assign(CURVES[EXTREMA].where(CURVES.tuning > 0.6))
 NO_PLANE = PLANES.assign(displacement=PLANES.displacement.where(PLANES.damping != "k1"))
-NO_JUMPS = gone("jump.nc", "jump").isel(variation=JUMPS.kind.isin(["base", "damping"]))
+NO_JUMPS = golden_without("jump.nc", "jump").isel(variation=JUMPS.kind.isin(["base", "damping"]))
 NO_RESULTS = [
-    gone(f"nonlinear_damping/{place}_cubic.nc", *EXTREMA, "displacement", "velocity")
+    golden_without(f"nonlinear_damping/{place}_cubic.nc", *EXTREMA, "displacement", "velocity")
     for place in ("material", "oil")
 ]
-#: Figures of which no limit may be lost.
+#: Functions that draw a figure, with data that lack values.
 ODD = {
     "no backlash": (draw_resonance, CURVES.assign(backlash_ratio=0.0)),
     "no coast-side flank": (
@@ -90,7 +91,7 @@ ODD = {
 
 
 @pytest.mark.parametrize(("draw", "data"), ODD.values(), ids=ODD)
-def test_axis_limits_that_are_not_numbers_are_refused(draw, data):
+def test_axis_limits_are_finite_for_incomplete_data(draw, data):
     for axes in draw(data).axes:
         assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
 
@@ -109,14 +110,16 @@ def test_different_numbers_are_printed_differently():
     numbers = np.array([1.0, 1.0 + 1e-8, 2.0]) / 3.0
     assert style.number_texts(numbers, 3) == ["0.33333333", "0.33333334", "0.66666667"]
     assert style.number_texts([0.3, 0.25, 1e-12], 2, "f", 2) == ["0.30", "0.25", "1e-12"]
-    # Equal but for rounding.
+    # Numbers that are equal up to rounding are printed alike.
     assert style.number_texts([0.1 + 0.2, 0.3], 3) == ["0.3", "0.3"]
 
 
-@pytest.mark.parametrize("given", [{}, {3: "#0072B2"}])
-def test_categories_use_distinct_colours_not_used_for_motions(given):
-    chosen = [curve.colour for curve in style.curve_styles(range(40), given).values()]
-    assert len({*chosen, *colours.MOTIONS.values()}) == 40 + len(colours.MOTIONS)
+@pytest.mark.parametrize("chosen_colours", [{}, {3: "#0072B2"}])
+def test_categories_use_distinct_colours_not_used_for_motions(chosen_colours):
+    curve_colours = [
+        curve.colour for curve in style.curve_styles(range(40), chosen_colours).values()
+    ]
+    assert len({*curve_colours, *colours.MOTIONS.values()}) == 40 + len(colours.MOTIONS)
 
 
 def test_the_same_data_give_the_same_picture_bytes(tmp_path):
@@ -140,36 +143,43 @@ TRAINS = {
 
 
 def axes_of(train, mesh):
-    """Return the axes of pinion and wheel in m, seen from the pitch point."""
+    """Return the axes of pinion and wheel, m, relative to the pitch point."""
     angle = mesh.centre_line_angle
     direction = np.array([math.cos(angle), math.sin(angle)])
     pinion, wheel = (
         train.by_name[name].base_radius / math.cos(mesh.pressure_angle) * direction
         for name in (mesh.pinion, mesh.wheel)
     )
-    # The axes lie on both sides of the pitch point, those of a planet and a ring gear on one side.
+    # The axes lie on opposite sides of the pitch point, for an internal mesh on the same side.
     return -pinion, -wheel if mesh.internal else wheel
 
 
 @pytest.mark.parametrize("name", TRAINS)
 @pytest.mark.parametrize("phase", [0.0, 7.0])
 def test_pitch_circles_touch_at_the_pitch_points(name, phase):
-    train, axes, matched = TRAINS[name], Figure().add_subplot(), set()
+    """For each mesh two circles must have the pitch radii and centres relative to its mark."""
+    train, axes, matched_circles = TRAINS[name], Figure().add_subplot(), set()
     schematic.draw(axes, train.layout(), phase=phase)
     hubs = [patch for patch in axes.patches if patch.get_fill()]
     circles = [patch for patch in axes.patches if isinstance(patch, Circle) and patch not in hubs]
-    # Carriers turn the meshes, seen from the housing, by this angle.
+    # Seen from the housing, the carrier rotates the meshes by this angle.
     angle = float(train.speeds.frame) * phase
     rotation = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    # The marks of meshes are lines of one point.
+    # A mesh is marked by a line of one point.
     dots = [line for line in axes.lines if len(line.get_xdata()) == 1]
     for mesh, dot in zip(train.meshes, dots, strict=True):
         for arm in axes_of(train, mesh):
             expected = [*(dot.get_xydata()[0] + rotation @ arm), math.hypot(*arm)]
-            found = {c for c in circles if math.dist([*c.center, c.radius], expected) < 1e-9}
-            assert found, mesh.name
-            matched |= found
-    assert {*circles} == matched
-    # A hub for each shaft, where both of its bodies have their axis.
+            touching = {
+                circle
+                for circle in circles
+                if math.dist([*circle.center, circle.radius], expected) < 1e-9
+            }
+            assert touching, mesh.name
+            matched_circles |= touching
+    assert {*circles} == matched_circles
+    # Each shaft has a hub on the common axis of its bodies.
     assert len(hubs) == len(train.shafts) and float(train.layout().misfit) == 0.0
-    assert all(any(math.dist(hub.center, c.center) < 1e-9 for c in circles) for hub in hubs)
+    assert all(
+        any(math.dist(hub.center, circle.center) < 1e-9 for circle in circles) for hub in hubs
+    )

@@ -11,8 +11,8 @@ def test_only_processors_of_x86_64_v3_or_above_get_common_settings():
     settings = processor.settings({}, V3)
     assert settings == processor.settings({}, V3 | {"avx512f", "avx512vl"})
     assert settings["OPENBLAS_CORETYPE"] == "Haswell"
-    # As words of a shell they need no quotes.
+    # Values must not need quotes in a shell.
     assert not any(set(value) & set(" \t'\"$&;") for value in settings.values())
     assert not any(processor.settings({}, V3 - {flag}) for flag in processor.V3_FEATURES)
-    # The tests run under them.
+    # The tests themselves run with these settings.
     assert processor.settings().items() <= os.environ.items()

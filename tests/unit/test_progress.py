@@ -22,7 +22,7 @@ SCATTERED = {"tolerances": {"load": {"std": "1 %"}}, "n": 4}
 RUN = {"periods": 20, "record_periods": 2}
 STROBES = {"settle": 9, "strobes": 4}
 FORCE = {"quantities": ["force"], "speed": 3e3}
-#: Name -> (call with `max_seconds`, dimension of what is left out).
+#: Calls with `max_seconds`, and the dimension along which an interrupted result is shorter.
 CALLS = {
     "cold": (partial(gearlib.sweep, PAIR, GRID, **RUN), "tuning"),
     "up": (partial(gearlib.sweep, ONE, GRID, direction="up", **RUN), "tuning"),
@@ -35,27 +35,31 @@ CALLS = {
 }
 
 
-@pytest.mark.parametrize(("call", "dim"), CALLS.values(), ids=CALLS)
-def test_an_interrupted_call_returns_the_beginning_of_the_full_result(call, dim):
-    whole, part = call(), call(max_seconds=AT_ONCE)
+@pytest.mark.parametrize(("call", "dimension"), CALLS.values(), ids=CALLS)
+def test_an_interrupted_call_returns_the_beginning_of_the_full_result(call, dimension):
+    whole, interrupted = call(), call(max_seconds=AT_ONCE)
     assert call(max_seconds=NEVER).drop_vars("complete").identical(whole.assign_attrs(missing="[]"))
-    assert not part.complete and 0 < part.sizes[dim] < whole.sizes[dim]
+    assert not interrupted.complete and 0 < interrupted.sizes[dimension] < whole.sizes[dimension]
     for name in ("displacement_max", "displacement", "exponent", "growth", "force", "state"):
-        if name in part and name in whole:
-            begin = whole[name].isel({dim: slice(part.sizes[dim])})
-            np.testing.assert_array_equal(part[name].values[..., :1], begin.values[..., :1])
+        if name in interrupted and name in whole:
+            beginning = whole[name].isel({dimension: slice(interrupted.sizes[dimension])})
+            np.testing.assert_array_equal(
+                interrupted[name].values[..., :1], beginning.values[..., :1]
+            )
 
 
 def test_missing_results_are_named():
-    part = gearlib.sweep(PAIR, GRID, direction="down", **RUN, max_seconds=AT_ONCE)
-    assert json.loads(part.missing) == [0.6, 0.7]
+    sweep = gearlib.sweep(PAIR, GRID, direction="down", **RUN, max_seconds=AT_ONCE)
+    assert json.loads(sweep.missing) == [0.6, 0.7]
     branch = gearlib.continue_orbit(ORBIT, to=1.2, max_seconds=AT_ONCE)
     assert json.loads(branch.missing) == [[branch.tuning[-1], 1.2]]
-    cut = gearlib.sensitivities(lambda m: m.load, PAIR, ("load", "backlash"), max_seconds=AT_ONCE)
-    assert json.loads(cut.missing) == ["backlash"]
+    slopes = gearlib.sensitivities(
+        lambda m: m.load, PAIR, ("load", "backlash"), max_seconds=AT_ONCE
+    )
+    assert json.loads(slopes.missing) == ["backlash"]
     run = gearlib.run_up(PAIR, 1e3, 4e3, duration=3.0, max_seconds=AT_ONCE)
-    (left,) = json.loads(run.missing)
-    assert run.revolution_time[-1] < left[0] < left[1] == 3.0
+    (missing_time,) = json.loads(run.missing)
+    assert run.revolution_time[-1] < missing_time[0] < missing_time[1] == 3.0
 
 
 def test_starts_not_reached_in_time_are_undecided():
@@ -67,15 +71,23 @@ def test_starts_not_reached_in_time_are_undecided():
 
 def test_an_interrupted_proof_certifies_the_range_up_to_the_missing_one():
     pytest.importorskip("flint")
-    part = gearlib.certify_range(ORBIT, to=1.4, max_seconds=AT_ONCE)
+    interrupted = gearlib.certify_range(ORBIT, to=1.4, max_seconds=AT_ONCE)
     whole = gearlib.certify_range(ORBIT, to=1.4, max_seconds=NEVER)
-    assert (part.start, part.missing, part.complete) == (1.3, ((part.stop, 1.4),), False)
-    assert part.pieces == whole.pieces[:1] and part.pieces[-1].stop == part.stop < 1.4
+    assert (interrupted.start, interrupted.missing, interrupted.complete) == (
+        1.3,
+        ((interrupted.stop, 1.4),),
+        False,
+    )
+    assert (
+        interrupted.pieces == whole.pieces[:1]
+        and interrupted.pieces[-1].stop == interrupted.stop < 1.4
+    )
     assert whole == gearlib.certify_range(ORBIT, to=1.4) and "missing" not in whole.as_dict()
 
 
 @pytest.mark.parametrize("place", ["terminal", "notebook", "file"])
 def test_one_progress_bar_is_shown_on_a_terminal(place, monkeypatch):
+    """A bar is shown on terminals and in notebooks, not in files, and never for inner loops."""
     stream = io.StringIO()
     stream.isatty = lambda: place == "terminal"
     shell = SimpleNamespace(kernel=1) if place == "notebook" else None
@@ -89,7 +101,7 @@ def test_one_progress_bar_is_shown_on_a_terminal(place, monkeypatch):
 
 
 def test_a_train_with_more_contacts_than_cached_modes_runs_after_any_other_run(monkeypatch):
-    """Beyond the modes that are kept, series take over; both are exact to rounding."""
+    """Beyond the cached modes series take over, which are exact to rounding as well."""
     pair = PAPER.replace(material_damping=0.0)
     reducer = gearlib.split_power_reducer(pair, branches=2, structural_damping=0.0)
     by_modes = gearlib.simulate(reducer, 0.9, periods=12).final_state
@@ -97,6 +109,7 @@ def test_a_train_with_more_contacts_than_cached_modes_runs_after_any_other_run(m
         monkeypatch.setattr(module, "MAX_COMBINATIONS", 8)
 
     def final_state(periods_before=0):
+        """Return the final state of a run, after an optional other run that fills the caches."""
         train = reducer.replace()
         if periods_before:
             other = tuple(-train.start_state("static"))

@@ -13,10 +13,11 @@ from tests.references import FOLDER, key_of, propagate, texts
 
 
 def test_the_independent_program_shares_nothing_with_the_library():
+    """Importing the independent program must not load gearlib, nor may its source mention it."""
     files = list((FOLDER.parent / "independent").glob("*.py"))
     modules = ["tests.references", *(f"tests.independent.{path.stem}" for path in files)]
     assert len(modules) > 4
-    # The package of the tests chooses the instruction set before anything else.
+    # The package `tests` itself imports gearlib to choose the instruction set, and is not counted.
     code = (
         "import sys, tests\nbefore = set(sys.modules)\n"
         f"for name in {modules}:\n    __import__(name)\n"
@@ -39,7 +40,7 @@ def test_stored_references_of_random_meshes_match_50_digits():
         if key in stored:
             compared += 1
             assert stored[key] == texts(propagate(*arguments)), arguments
-    # Powers may round otherwise on another machine, here and there.
+    # On another machine the rounding of powers may change some of the random meshes.
     assert compared > count // 2
 
 
@@ -47,5 +48,5 @@ def test_stored_derivatives_match_the_independent_program():
     (model, tuning, state, periods), names = derivatives.CASES["no backlash"]
     arguments = describe(model), tuning, periods, state
     stored = derivatives.REFERENCES.entries[key_of(differences.of_run, *arguments, list(names))]
-    # In 34 digits; the first parameter stands for the others.
+    # Derivatives in 34 digits are compared for the first parameter only, to save time.
     assert texts(differences.of_run(*arguments, names[:1])) == stored[:1]

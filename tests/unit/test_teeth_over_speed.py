@@ -16,13 +16,15 @@ RUN = {"periods": 200, "record_periods": 10}
 
 
 def test_jumps_match_bisection_and_exclude_the_ends_of_the_sweep():
+    """Compare jump speeds of sweeps with bisection; a sweep that starts above the jump has none."""
     model = pairs_of_teeth(GEARS, {"damping_ratio": 0.05}, pitch_errors=False)
     tunings = np.linspace(0.36, 1.1, 149)
     step = float(model.speed(tunings[1] - tunings[0]))
     curves = over_speed(model, model.speed(tunings), **RUN)
     for name in ("up", "down"):
         jump = find_jump(model, tunings, 1e-4, name, initial_state="static", **RUN)
-        (found,) = curves[f"jump_{name}_speed"].values
-        assert found == pytest.approx(float(model.speed(jump.tuning)), abs=0.51 * step)
-    above = over_speed(model, model.speed(tunings[49:]), **RUN)  # from tuning 0.605
+        (jump_speed,) = curves[f"jump_{name}_speed"].values
+        assert jump_speed == pytest.approx(float(model.speed(jump.tuning)), abs=0.51 * step)
+    # This sweep starts at the tuning 0.605, above the downward jump.
+    above = over_speed(model, model.speed(tunings[49:]), **RUN)
     assert np.isnan(above.jump_down_speed).all() and above.jump_up_speed == curves.jump_up_speed

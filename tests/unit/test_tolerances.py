@@ -16,21 +16,21 @@ from gearlib.uncertainty.quality_classes import by_class, distance_limits, thick
 from tests.geometry.stages import fzg_c
 from tests.paper import PAPER
 
-#: Parameters that may have tolerances; "free" has neither a unit nor limits.
+#: Parameters that may have tolerances. The parameter "free" has neither unit nor limits.
 PARAMETERS = declared_parameters(gearlib.GearPair) | {"free": None}
 PAIR = PAPER.replace(material_damping=3953.7)
 
 
 def draw(tolerances, count=4096):
-    """Return (joint distribution, values drawn from it, shape (count, parameters))."""
+    """Return the joint distribution of tolerances and values drawn from it, (count, parameters)."""
     joint = distributions.read(tolerances, PARAMETERS)
-    # Half a step of Sobol' points of 30 bits: none is 0, where a normal value would be infinite.
+    # A shift by half a step of 30 bits avoids the Sobol' point 0, whose normal value is infinite.
     points = stats.qmc.Sobol(len(joint.names), rng=1).random(count) + 2.0**-31
     return joint, joint.values(points)
 
 
 @pytest.mark.parametrize(
-    "tolerance, law",
+    "tolerance, reference_distribution",
     [
         ({"mean": 3.0, "std": 0.5}, stats.norm(3.0, 0.5)),
         ({"min": 2.0, "max": 5.0}, stats.uniform(2.0, 3.0)),
@@ -38,20 +38,24 @@ def draw(tolerances, count=4096):
         ({"distribution": "lognorm", "s": 0.2, "scale": 3.0}, stats.lognorm(0.2, scale=3.0)),
     ],
 )
-def test_tolerance_distributions_match_scipy(tolerance, law):
+def test_tolerance_distributions_match_scipy(tolerance, reference_distribution):
     joint, values = draw({"free": tolerance})
     (marginal,) = joint.marginals.values()
-    u = np.linspace(0.01, 0.99, 99)
-    assert np.allclose(marginal.distribution.ppf(u), law.ppf(u), rtol=1e-12)
-    # About one of 4096 Sobol' points lies in each of as many equal parts of the unit interval.
-    assert stats.kstest(values[:, 0], law.cdf).statistic < 1e-3
-    # A nominal value is the centre, though it is not in the middle of its limits.
+    probabilities = np.linspace(0.01, 0.99, 99)
+    assert np.allclose(
+        marginal.distribution.ppf(probabilities),
+        reference_distribution.ppf(probabilities),
+        rtol=1e-12,
+    )
+    # Sobol' points are so uniform that the distance is about 1 / 4096.
+    assert stats.kstest(values[:, 0], reference_distribution.cdf).statistic < 1e-3
+    # The centre is the nominal value even if it is not in the middle of its limits.
     assert joint.centres == [tolerance.get("nominal", marginal.centre)]
 
 
 @pytest.mark.parametrize(
     ("tolerance", "expected"),
-    # Pearson: Spearman's rank correlation of normal scores, 6 / pi asin(rho / 2).
+    # For uniform values Pearson's correlation is 6 / pi asin(rho / 2), for normal ones rho.
     [
         ({"min": 1e-9, "max": 1.0}, 6.0 / math.pi * math.asin(0.6 / 2.0)),
         ({"mean": 9.0, "std": 2.0}, 0.6),
@@ -63,7 +67,7 @@ def test_correlations_of_a_gaussian_copula_match_closed_forms(tolerance, expecte
     assert abs(np.corrcoef(values.T)[0, 1] - expected) < 2e-3
 
 
-#: Tolerances | what is said of them.
+#: Tolerances | pattern of the refusal.
 REFUSED = """
 {} | tolerances = {} is not allowed: it must be a mapping of parameters
 {mass: {min: 1, max: 2}} | tolerances = 'mass' is not allowed: it must be one of
@@ -115,7 +119,10 @@ def test_tolerances_without_designs_are_refused_in_one_sentence(model, tolerance
 
 
 def test_each_invalid_sample_reports_its_reason():
+    """The function raises an error for small loads and returns no model for large ones."""
+
     def model(load):
+        """Return a model, raise an error or return None, depending on the load."""
         if load <= 3030.0:
             raise ZeroDivisionError
         return PAIR.replace(load=load) if load <= 3070.0 else None
@@ -130,7 +137,7 @@ def test_each_invalid_sample_reports_its_reason():
 @pytest.mark.parametrize(
     ("diameter", "designation", "limits"),
     [
-        # The example of the standard, and of textbooks.
+        # The first row is the example of the standard and of textbooks.
         (0.1, "27cd", (-170, -70)),
         (0.1, "cd25", (-110, -70)),
         (0.05, "26 cd", (-104, -54)),
@@ -143,37 +150,39 @@ def test_thickness_allowances_match_din_3967(diameter, designation, limits):
 
 
 def test_grades_of_centre_distances_follow_the_formula_of_iso_286():
+    """Grades are multiples of the tolerance factor i = 0.45 D^(1/3) + 0.001 D of each range."""
     assert np.allclose(distance_limits(0.0915, "js7"), (-17.5e-6, 17.5e-6))
-    # Of the tolerance factor i, by the geometric mean D of both ends of a range, mm.
+    # D is the geometric mean of both ends of a range, mm.
     for low, high in itertools.pairwise((10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500)):
-        size = math.sqrt(low * high)
-        factor = 0.45 * size ** (1 / 3) + 0.001 * size
-        for grade, times in zip(range(5, 12), (7, 10, 16, 25, 40, 64, 100), strict=True):
+        mean_diameter = math.sqrt(low * high)
+        factor = 0.45 * mean_diameter ** (1 / 3) + 0.001 * mean_diameter
+        for grade, multiple in zip(range(5, 12), (7, 10, 16, 25, 40, 64, 100), strict=True):
             # Width of the tolerance in um, for the largest distance of the range.
             width = round(2e6 * distance_limits(1e-3 * high - 1e-9, f"js{grade}")[1], 6)
-            # The standard rounds to 1, 5 or 10 um, at times to a neighbour of the nearest step.
+            # The standard rounds to 1, 5 or 10 um, sometimes not to the nearest step.
             step = 1 if width < 100 else 5 if width < 200 else 10
             assert width == pytest.approx(round(width / step) * step)
             allowed = (0.75 if width < 40 else 1.2) * step
-            assert abs(width - times * factor) <= allowed, (high, grade)
+            assert abs(width - multiple * factor) <= allowed, (high, grade)
 
 
 def test_tooth_thicknesses_follow_the_series_of_din_3967():
+    """The tables of the standard follow geometric series, which exposes each misprint."""
     # A designation such as "21cd" has the number of a tolerance and the letters of an allowance.
     letters = "a ab b bc c cd d e f g".split()
     diameters = (0.01, 0.05, 0.125, 0.28, 0.56, 1.0, 1.6, 2.5)  # ends of the ranges, m
     table = [[thickness_limits(d, f"21{letter}")[1] for letter in letters] for d in diameters]
     allowances = np.log(-1e6 * np.array(table))
-    # An allowance is a factor of its diameter times a factor of its letters, rounded by 5 % at
-    # most, above 65 um to multiples of 5 um.
+    # An allowance is a factor of the diameter times a factor of the letters. Rounding changes it by
+    # at most 5 %, and above 65 um to multiples of 5 um.
     series = allowances.mean(0) + allowances.mean(1)[:, None] - allowances.mean()
     assert np.abs(allowances - series).max() < 0.05
     assert all(round(x) % 5 == 0 for x in np.exp(allowances).flat if x > 65)
     limits = [[thickness_limits(d, f"{number}h") for number in range(21, 31)] for d in diameters]
     assert not np.array(limits)[..., 1].any()
     widths = np.round(1e6 * np.ptp(limits, axis=2), 6)
-    # Tolerances are preferred numbers R 10 of ISO 3, ten in a decade, rounded: above 25 um to
-    # multiples of 10 um. From number to number they grow by two steps.
+    # Tolerances are rounded preferred numbers R 10 of ISO 3, ten in a decade, above 25 um multiples
+    # of 10 um. Successive numbers are two steps apart.
     near = 10.0 ** (np.round(10.0 * np.log10(widths)) / 10.0)
     assert (np.abs(widths - near) < 0.06 * near).all()
     assert (widths[widths > 25] % 10 == 0).all()
@@ -181,6 +190,7 @@ def test_tooth_thicknesses_follow_the_series_of_din_3967():
 
 
 def test_backlash_and_deviation_scatter_by_the_classes_of_gears():
+    """Sampled backlashes and deviations must lie within the limits of their tolerance classes."""
     mesh = fzg_c(quality=7)
     tolerances = by_class(mesh, thickness=("26cd", "26c"), centre_distance="js8", form=True)
     gears = StageDesign(mesh, torque=302.0, damping_ratio=0.06, keep_backlash=False)
@@ -188,7 +198,8 @@ def test_backlash_and_deviation_scatter_by_the_classes_of_gears():
     assert designs.units("pinion.thickness_allowance")[0] == "m"
     models = [designs.model(row) for row in designs.values(designs.points(0, 16))]
     backlashes = [model.backlash for model in models]
-    # Both teeth are thinner by 54 + 85 um at least and 60 um more at most; the distance adds to it.
+    # Both teeth are thinner by at least 54 + 85 um and at most 60 um more, to which the centre
+    # distance adds.
     assert 100e-6 < min(backlashes) < max(backlashes) < 280e-6
     half = mesh.pinion.form_deviation / 2.0
     waves = [abs(model.deviation.cosines[0]) for model in models]

@@ -45,19 +45,20 @@ meshes:
 """)
 
 
-def compare(text, value):
-    """Assert that values are those of texts with units, all through a section."""
+def assert_values_match_texts(text, value):
+    """Assert that the values of a section equal its texts with units, entry by entry."""
     if isinstance(text, (dict, list)):
         assert len(text) == len(value)
         for key in text if isinstance(text, dict) else range(len(text)):
-            compare(text[key], value[key])
+            assert_values_match_texts(text[key], value[key])
     elif isinstance(value, float) and isinstance(text, str):
-        # SI is the base of pint's units; rounding of its factors.
+        # The base units of pint are those of SI; conversion factors are rounded.
         expected = REGISTRY.Quantity(text).to_base_units().magnitude
         assert value == pytest.approx(expected, rel=1e-14), text
 
 
 def read(kind, section):
+    """Return the train of a configuration section of some kind."""
     settings = load(CONFIG | {"train": {"kind": kind, kind: section}})
     return model(settings.gears_model("k1", "train"))
 
@@ -72,8 +73,8 @@ def test_a_predefined_train_matches_the_library(kind):
 
 
 def test_texts_are_read_in_si_units():
-    compare(EVERY, load(CONFIG | {"train": EVERY}).train.model_dump())
-    # The example has all keys of parts; OWN has those of gears given by geometry.
+    assert_values_match_texts(EVERY, load(CONFIG | {"train": EVERY}).train.model_dump())
+    # The example has all keys of parts but those of gear geometry, which OWN has.
     geometry = {"gear", "line_of_action", *train_section.GEOMETRY_KEYS} - {"material_damping"}
     for part, keys in (("Body", "bodies"), ("Shaft", "shafts"), ("Mesh", "meshes")):
         fields = getattr(train_section, f"{part}Part").model_fields
@@ -81,6 +82,7 @@ def test_texts_are_read_in_si_units():
 
 
 def test_a_configured_planetary_set_matches_the_library():
+    """A section with every key must give the train of `planetary_set` with these arguments."""
     keys = set(train_section.PlanetarySet.model_fields)
     instead = {"power", "speed", "logarithmic_decrement", "material_damping"}
     assert keys - set(SET) == instead | {"stiffness", "stiffness_options", "stages"}
@@ -89,20 +91,21 @@ def test_a_configured_planetary_set_matches_the_library():
     values = load(CONFIG | {"train": {"planetary_set": SET}}).train.planetary_set.model_dump()
     gears = {name: values.pop(name) for name in ("sun", "planet", "ring")}
     assert not values.pop("stages")
-    compare({key: text for key, text in SET.items() if key not in gears}, values)
+    assert_values_match_texts({key: text for key, text in SET.items() if key not in gears}, values)
     common = {"module": 3e-3, "width": 0.025}
     sun = SpurGear(teeth=24, shift=0.3, bore=0.02, **common)
     planet = SpurGear(teeth=37, shift=0.25, **common)
     ring = SpurGear(teeth=99, shift=-0.55, internal=True, outer_diameter=0.34, **common)
     expected = planetary_set(sun, planet, ring, **values)
     assert read("planetary_set", SET) == expected
-    # 200 N m at 3000 / pi rpm, to the 12 digits that are kept.
+    # 20 kW at 100 rad/s are 200 N m, to the 12 digits that the configuration keeps.
     power = {key: value for key, value in SET.items() if key != "torque"}
     train = read("planetary_set", power | {"power": "20 kW", "speed": "100 rad/s"})
     assert train.by_name["sun"].torque == pytest.approx(expected.by_name["sun"].torque, rel=1e-11)
 
 
 def test_a_configured_train_of_gear_geometry_matches_the_library():
+    """Bodies, shafts and meshes of a section must match those built from the same geometry."""
     pinion, idler, wheel = (
         SpurGear(teeth=z, shift=x, module=4e-3, width=0.03, bore=bore)
         for z, x, bore in ((21, 0.2, 0.025), (37, 0.0, 0.0), (42, 0.0, 0.0))
@@ -124,13 +127,18 @@ def test_a_configured_train_of_gear_geometry_matches_the_library():
         make(GearStage(idler, wheel), "idler", "wheel", **second),
     ]
     shafts = [Shaft(bodies=("motor", "pinion"), stiffness=2e5)]
-    expected, found = GearTrain(bodies=bodies, shafts=shafts, meshes=meshes), read("own", OWN)
-    # The torque of the second mesh follows by statics, up to rounding.
+    library_train, configured_train = (
+        GearTrain(bodies=bodies, shafts=shafts, meshes=meshes),
+        read("own", OWN),
+    )
+    # The torque of the second mesh follows from statics, which changes its rounding.
     for name in ("cosines", "sines"):
-        one, other = (getattr(t.meshes[1].transmission_error, name) for t in (expected, found))
+        one, other = (
+            getattr(t.meshes[1].transmission_error, name) for t in (library_train, configured_train)
+        )
         assert other == pytest.approx(one, rel=1e-9, abs=1e-15)
-    second = replace(found.meshes[1], transmission_error=meshes[1].transmission_error)
-    assert found.replace(meshes=(found.meshes[0], second)) == expected
+    second = replace(configured_train.meshes[1], transmission_error=meshes[1].transmission_error)
+    assert configured_train.replace(meshes=(configured_train.meshes[0], second)) == library_train
 
 
 def test_tooth_pairs_without_a_load_need_a_torque():

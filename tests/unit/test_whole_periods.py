@@ -15,14 +15,14 @@ from tests.physics.test_random_meshes import random_mesh
 
 MAX_ARCS = 10**6
 PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash_ratio": 4.0}
-#: The small motion of the pair with equal damping ends here in a fold, by bisection over runs of a
-#: million periods that start from the state below.
+#: Tuning and state of the fold at which the small motion of the pair with equal dampings ends, by
+#: bisection over runs of a million periods from this state.
 FOLD, AT_FOLD = 0.81685037334556, (-0.16062993275504864, -0.3277925734167014)
 
 
 @kernel
 def event_by_event(mesh, x, v, periods):
-    """Return (contact, x, v) after so many mesh periods, propagated from event to event."""
+    """Return (contact, x, v) after a number of mesh periods computed from event to event."""
     no_arcs = np.empty((0, ARC_COLUMNS))
     contact = contact_of(mesh.backlash_ratio, x, v)
     for _ in range(periods):
@@ -42,14 +42,15 @@ def whole_periods(mesh, x, v, periods):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_whole_period_steps_match_events_one_by_one(seed):
+    """Compare final states of random meshes, within the effect of rounding on the motion."""
     rng, periods = np.random.default_rng(seed), 8
     for _ in range(2000):
         values, tuning, (x, v) = random_mesh(rng)
         mesh = mesh_at_tuning(ratios(GearPair.from_ratios(**values)), tuning)
         _, *end, arcs = whole_periods(mesh, x, v, periods)
         exact = np.array(event_by_event(mesh, x, v, periods)[1:])
-        # What rounding alone does to this orbit: the run event by event from starts moved by one
-        # part in 1e13, a thousand roundings. Chaotic and undamped orbits amplify it by any factor.
+        # Starts moved by one part in 1e13, a thousand roundings, show how far rounding changes this
+        # motion. Chaotic and undamped motions amplify it by any factor.
         starts = [(x + dx * max(1.0, abs(x)), v) for dx in (1e-13, -1e-13)] + [(x, v + 1e-13)]
         moved = [event_by_event(mesh, *start, periods)[1:] for start in starts]
         spread = np.abs(moved - exact).sum(axis=1).max()
@@ -59,8 +60,8 @@ def test_whole_period_steps_match_events_one_by_one(seed):
 
 @pytest.mark.parametrize("distance", [1e-8, 1e-11])
 def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
-    # Beyond the fold a run passes the place of the orbit, x = -0.16, by 1e-10 or less in a period,
-    # for up to 1e6 periods, and then goes to another orbit, at x > 0.28.
+    # Just beyond the fold a run moves past the vanished orbit, x = -0.16, by 1e-10 or less in each
+    # of up to 1e6 periods, and then goes to another orbit at x > 0.28.
     pair = GearPair.from_ratios(**PAIR, damping=0.0617, backlash_damping=0.0617)
     tuning, creeping_runs = FOLD + distance, 0
     for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
@@ -74,20 +75,26 @@ def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
 
 
 def test_the_record_of_a_settled_orbit_matches_an_engine_without_shortcut():
-    # Damping, first and last tuning: the last ranges have motions of three and five mesh periods.
+    """Compare a settled pair, whose run skips periods, with an engine that computes all of them."""
+    # A case is (damping, first tuning, last tuning). The last two ranges have motions of three and
+    # five
+    # mesh periods.
     cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
     span = {"periods": 3000, "record_periods": 24, "samples_per_period": 8}
     names = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_drive"]
     names += ["fraction_min_stiffness", "displacement", "final_state", "event_phase"]
     periods = set()
-    for damping, first, last in cases:
+    for damping, first_tuning, last_tuning in cases:
         pair = GearPair.from_ratios(**PAIR, damping=damping, backlash_damping=damping)
-        for nu in np.linspace(first, last, 10):
-            settled, full = (simulate(one, nu, **span) for one in (pair, OneDegreePair(pair=pair)))
+        for nu in np.linspace(first_tuning, last_tuning, 10):
+            settled, full = (
+                simulate(single_run, nu, **span) for single_run in (pair, OneDegreePair(pair=pair))
+            )
             for name in names:
                 atol = 1e-9 if name == "event_phase" else 1e-11
                 np.testing.assert_allclose(settled[name], full[name], rtol=0, atol=atol)
-            # One recorded period tells the period too, though the run skips the periods before.
+            # The period is also reported from one recorded period, although the run skips earlier
+            # ones.
             assert simulate(pair, nu, periods=3000, record_periods=1).period == settled.period
             periods.add(int(settled.period))
     assert {1, 2, 3, 5} <= periods
@@ -95,8 +102,10 @@ def test_the_record_of_a_settled_orbit_matches_an_engine_without_shortcut():
 
 @pytest.mark.parametrize("damping", [0.01, 0.03])
 def test_the_reported_period_matches_the_settled_motion(damping):
-    # After five revolutions, 115 mesh periods, many motions still differ from one period to the
-    # next by more than the tolerance, but less over two: a period of 2 would be wrong.
+    """A reported period must be that of a run of 20,000 periods, or 0 if it is unknown."""
+    # After five revolutions, 115 mesh periods, many motions differ by more than the tolerance from
+    # period to period, but by less over two periods, so that a period of 2 would be reported
+    # wrongly.
     pair = GearPair.from_geometry(own(), torque=85.0, damping_ratio=damping)
     span = {"periods": 115, "record_periods": 23}
     tunings = [0.66, *np.linspace(0.5, 1.4, 31)]
@@ -107,12 +116,12 @@ def test_the_reported_period_matches_the_settled_motion(damping):
     single = np.array([int(run.period) for run in runs])
     for periods in (single, sweep(pair, tunings, **span).period.values):
         assert ((periods == expected) | (periods == 0)).all()
-    # Some single runs are followed beyond the 115 periods until they settle.
+    # Some single runs continue beyond 115 periods until they settle.
     assert (single > 0).mean() > 0.95 and any(int(run.followed) != 115 for run in runs)
 
 
 def test_an_orbit_that_does_not_attract_is_not_reported_as_settled():
-    # From a state on the orbit the motion repeats, but any disturbance stays or grows.
+    # The motion from a state on the orbit repeats, but any disturbance persists or grows.
     for tuning, pair in ((0.7, PAPER), (1.95, PAPER.replace(material_damping=600.0))):
         pair = OneDegreePair(pair=pair)
         exact = periodic_orbit(pair, tuning, guess=(1.0, 0.0))

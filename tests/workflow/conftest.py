@@ -12,9 +12,9 @@ from tests.workflow.project import Project, recorded_run
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory):
-    """The small project after its first run, what that printed, and the records of its jobs.
+    """Return (project, output, records of jobs) of the first run of the small project.
 
-    Of several workers the first one builds it, and the others wait.
+    One of several workers builds it while the others wait.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -30,18 +30,18 @@ def recorded(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def first_run(recorded):
-    """The untouched project after one `snakemake -j2`, and what that printed."""
+    """Return (untouched project, output) after one run of `snakemake -j2`."""
     return recorded[:2]
 
 
 @pytest.fixture(scope="session")
 def records(recorded):
-    """The records of the jobs of the first run, see `recorder/sitecustomize.py`."""
+    """Return the records of the jobs of the first run, see `recorder/sitecustomize.py`."""
     return recorded[2]
 
 
 @pytest.fixture
 def project(first_run, tmp_path):
-    """A copy of the project with all its results, for a test that changes it."""
+    """Return a copy of the project with all its results, for a test that changes it."""
     shutil.copytree(first_run[0].folder, tmp_path / "project")
     return Project(tmp_path / "project")

@@ -1,4 +1,4 @@
-"""The rules of the workflow as Snakemake has read them, with their captions."""
+"""The rules of the workflow as Snakemake reads them, with their captions."""
 
 import json
 from types import SimpleNamespace
@@ -32,7 +32,7 @@ Path("declared.json").write_text(json.dumps({"config": config, "rules": jobs}))
 
 
 class Declared(NamedTuple):
-    """A configuration, and rule -> its params, outputs and paths of captions."""
+    """A configuration, and params, outputs and caption paths of each rule by name."""
 
     config: dict
     rules: dict
@@ -47,7 +47,7 @@ class Declared(NamedTuple):
         )
 
     def rendered(self, rule, path):
-        """Return the text of a caption of a rule as the report has it, in one line."""
+        """Return the text of a rule's caption, rendered as in the report, in one line."""
         with open(path, encoding="utf-8") as file:
             template = jinja2.Environment(undefined=jinja2.StrictUndefined).from_string(file.read())
         snakemake = SimpleNamespace(
@@ -57,7 +57,7 @@ class Declared(NamedTuple):
 
 
 def declared(project, *arguments):
-    """Return the configuration and rules of a project that a dry run with these arguments has."""
+    """Return the configuration and rules of a project, by a dry run with the given arguments."""
     (project / "Declared.smk").write_text(_SNAKEFILE, encoding="utf-8")
     project.snakemake("-n", "-q", "-s", "Declared.smk", *arguments)
     return Declared(**json.loads((project / "declared.json").read_text(encoding="utf-8")))

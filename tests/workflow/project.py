@@ -20,7 +20,7 @@ _COPIED = ["Snakefile", "config.yaml", "gearlib", "profiles", "workflow"]
 
 
 class Project:
-    """A checkout with its results."""
+    """A folder with a copy of the project and its results."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -29,7 +29,7 @@ class Project:
         return self.folder / path
 
     def snakemake(self, *arguments, succeed=True, **environment):
-        """Run Snakemake, assert that it succeeds or fails, and return what it printed."""
+        """Run Snakemake, assert that it succeeds or fails, and return its output."""
         process = subprocess.run(
             [SNAKEMAKE, *map(str, arguments)],
             cwd=self.folder,
@@ -52,14 +52,14 @@ class Project:
         return self.rules("-n", *arguments)
 
     def configure(self, change):
-        """Change the configuration, of which `change` gets the dict."""
+        """Change the configuration file by a function that changes its dict in place."""
         path = self / "config.yaml"
         settings = yaml.safe_load(path.read_text(encoding="utf-8"))
         change(settings)
         path.write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
 
     def results(self):
-        """Return path -> content of all result files but logs, benchmarks and the provenance."""
+        """Return the contents of all result files by path, without logs, benchmarks and provenance."""
         return {
             str(path.relative_to(self.folder)): path.read_bytes()
             for path in sorted((self / "results").rglob("*"))
@@ -100,7 +100,7 @@ def small_project(folder):
 
 
 def few_jobs(settings, *dampings):
-    """Leave only some dampings, and no scenes, in a configuration."""
+    """Reduce a configuration to some dampings and no scenes."""
     for section in (settings["dampings"], settings["figures"]["colours"]):
         for name in section.keys() - {*dampings}:
             del section[name]
@@ -108,7 +108,7 @@ def few_jobs(settings, *dampings):
 
 
 def recorded_run(folder):
-    """Run `snakemake -j2` in a new small project; return it, what it printed, and its records."""
+    """Run `snakemake -j2` in a new small project and return (project, output, records of jobs)."""
     records = folder / "records"
     records.mkdir(parents=True)
     recorder = str(ROOT / "tests/workflow/recorder")
@@ -123,7 +123,7 @@ def recorded_run(folder):
 
 
 def _merge(base, changes):
-    """Lay one configuration over another, in place, as Snakemake does."""
+    """Merge changes into a configuration in place, as Snakemake does."""
     for key, value in changes.items():
         if isinstance(value, dict):
             _merge(base.setdefault(key, {}), value)

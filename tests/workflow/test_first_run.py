@@ -1,4 +1,4 @@
-"""One bare `snakemake -j2` of the small workflow: its jobs, their sources, data and report."""
+"""One run of the small workflow by `snakemake -j2`: its jobs, sources, data and report."""
 
 import functools
 import json
@@ -17,19 +17,19 @@ from tests.workflow.project import rules_in
 
 pytestmark = pytest.mark.slow
 
-#: A fault of the CF checker, which takes the difference of names where a coordinate holds texts.
+#: A check that fails by a bug of the CF checker, which subtracts texts of a coordinate.
 FAULT_OF_CHECKER = "check_coordinate_variables_strict_monotonicity"
 
-#: Modules that are loaded but change no result: lazy names.
+#: Modules that jobs load but that cannot change results: lazy names.
 NO_SOURCES = {"gearlib/__init__.py"}
 
 
 def test_one_command_runs_every_rule(first_run):
     project, output = first_run
     lines = project.snakemake("--list-rules").splitlines()
-    # The first line names the profile; templates begin with an underscore.
+    # The first line names the profile, and names of templates begin with an underscore.
     rules = {line for line in lines if " " not in line and not line.startswith("_")}
-    # Rules that only name targets run no script; measured sets have a test of their own.
+    # Rules that only name targets run no script. Measured sets are tested separately.
     run = rules_in(output)
     named = {"all", "paper", *TARGETS} - run
     measured = {rule for rule in rules if "measured" in rule}
@@ -37,6 +37,7 @@ def test_one_command_runs_every_rule(first_run):
 
 
 def test_the_sources_of_a_job_include_every_module_it_loads(first_run, records):
+    """A module that a job loads but does not list as a source would not cause a rerun."""
     folder = f"{first_run[0].folder}/"
     missing = set()
     for job in records:
@@ -77,7 +78,7 @@ def test_numbers_behind_the_figures_match_golden_data(first_run):
 
 @pytest.fixture(scope="module")
 def pictures(records, tmp_path_factory):
-    """The folder of the figures that are drawn now, from golden data."""
+    """Return the folder of the figures that the present code draws from golden data."""
     return figures.draw(tmp_path_factory.mktemp("figures"), records)
 
 
@@ -93,7 +94,7 @@ def test_every_figure_has_a_stored_picture(pictures):
 
 @pytest.fixture(scope="module")
 def report(first_run, tmp_path_factory):
-    """The report of the untouched project: its file, and entry by path of what it holds."""
+    """Return the report of the untouched project as (file, entries by path)."""
     path = tmp_path_factory.mktemp("report") / "report.html"
     first_run[0].snakemake("--report", str(path))
     (entries,) = re.findall(r"var results = (\{.*\});$", path.read_text(encoding="utf-8"), re.M)
@@ -101,6 +102,7 @@ def report(first_run, tmp_path_factory):
 
 
 def test_the_report_contains_every_figure_and_table(first_run, report):
+    """Each figure and table must have one entry with a caption and a distinct label."""
     project, (_, entries) = first_run[0], report
     results = project / "results"
     pictures = {str(path.relative_to(results)) for path in results.rglob("figures/**/*.png")}
@@ -109,7 +111,7 @@ def test_the_report_contains_every_figure_and_table(first_run, report):
     expected |= {f"results/tables/{name}.html" for name in tables}
     assert set(entries) == expected
     for path, entry in entries.items():
-        # Without a file for its caption there would be no report.
+        # A missing caption file would stop the report; here the text must not be trivial.
         assert len(entry["caption"]) > 80, path
         assert list(entry["labels"]) == ["figure"], path
     labels = [entry["labels"]["figure"] for entry in entries.values()]
@@ -118,7 +120,7 @@ def test_the_report_contains_every_figure_and_table(first_run, report):
 
 @pytest.fixture(scope="module")
 def kinds(first_run):
-    """One file, by its path, for each kind: of equal title, variables and attributes."""
+    """Return one file for each kind of dataset, which has a title, variables and attributes."""
     paths = {}
     for path in sorted((first_run[0] / "results").rglob("*.nc")):
         dataset = storage.read(path)
@@ -127,17 +129,18 @@ def kinds(first_run):
 
 
 def test_every_dataset_follows_the_cf_conventions(kinds, monkeypatch):
+    """Check one dataset of each kind with the official checker of the CF conventions."""
     runner = pytest.importorskip("compliance_checker.runner", reason="no CF checker installed")
     from compliance_checker.cf import util as cf_util
 
     suite = runner.CheckSuite()
     suite.load_all_available_checkers()
-    # Of each dataset the checker asks this hundreds of times: two thirds of its time.
+    # The checker calls these functions hundreds of times for each dataset.
     for name in ("get_geophysical_variables", "get_auxiliary_coordinate_variables"):
         monkeypatch.setattr(cf_util, name, functools.cache(getattr(cf_util, name)))
     faults = []
     for name, path in kinds.items():
-        # Closed: a file that is left open here and read again crashes the HDF5 library.
+        # The file must be closed, because reading an open file again crashes the HDF5 library.
         with suite.load_dataset(str(path)) as data:
             results, errors = suite.run_all(data, ["cf:1.11"])["cf:1.11"]
         faults += [(name, *group.msgs) for group in results if group.value[0] < group.value[1]]
@@ -153,6 +156,7 @@ def test_every_variable_is_described(kinds):
 
 
 def test_every_dataset_states_how_it_was_made(kinds):
+    """Check source, history and source hash, and that embedded JSON is in canonical form."""
     for name, path in kinds.items():
         attributes = storage.read(path).attrs
         if "times" in name:
@@ -173,7 +177,7 @@ def test_the_stored_source_hash_matches_the_job(first_run):
 
     shard = next((project / "results/resonance/k1/cold").glob("*.nc"))
     assert source_hash("resonance.nc") == source_hash(shard)
-    # Jobs of the phase lag have other sources.
+    # Jobs of the phase lag have other sources and so another hash.
     assert source_hash("phase_lag.nc") != source_hash(shard)
 
 

@@ -1,4 +1,4 @@
-"""Each target of the Makefile, with stand-ins for its tools, which print how they are called."""
+"""Targets of the Makefile, run with stand-ins for their tools that print their arguments."""
 
 import importlib
 import os
@@ -18,7 +18,7 @@ EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
     "optional-dependencies"
 ]
 CHECKS = ["ruff", "ruff", "snakefmt", "lint-imports", "mypy"]
-#: Target -> the tools that it calls, where that is not python alone.
+#: Tools that a target calls, if it does not call python once.
 TOOLS = {
     "all": ["snakemake"],
     "lint": CHECKS,
@@ -33,10 +33,10 @@ TOOLS = {
 
 
 def make(folder, target):
-    """Run a target of the Makefile in a folder whose tools are stand-ins; return its output."""
+    """Run a target of the Makefile with stand-ins for its tools and return the output."""
     tools = folder / ".venv/bin"
     tools.mkdir(parents=True)
-    # Installing Slurm asks for root.
+    # Installing Slurm would need the rights of root.
     for name in {*TOOLS.get(target, ["python"]), "apt-get"}:
         (tools / name).write_text('#!/bin/sh\necho "ran $(basename "$0") $*"\n', encoding="utf-8")
         (tools / name).chmod(0o755)

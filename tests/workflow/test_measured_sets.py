@@ -1,4 +1,4 @@
-"""Measured sets in the workflow: laid over its curves, scored, refused before any job."""
+"""Measured sets in the workflow: drawn, scored, and refused before any job starts."""
 
 import csv
 
@@ -22,6 +22,7 @@ SWEEPS = {
 
 
 def test_measured_data_rerun_their_jobs_and_damaged_data_stop_every_job(project):
+    """Use computed sweeps as measured data, then change them and damage them."""
     curves = xr.load_dataset(project / "results/resonance.nc").sel(damping="k1")
     peaks = curves.displacement_max * float(curves.static_deflection) * 1e6
     rows = [
@@ -40,7 +41,7 @@ def test_measured_data_rerun_their_jobs_and_damaged_data_stop_every_job(project)
     assert project.rules("-j2", "measured", "resonance") == rules
     with open(project / "results/measured.csv", newline="") as file:
         scores = {(row["damping"], row["quantity"]): row for row in csv.DictReader(file)}
-    # The rows are those of the damping k1, so that its misfit vanishes and that of k1m does not.
+    # The data are computed with the damping k1, so that its misfit vanishes, but not that of k1m.
     misfit = "misfit of displacement_max over its range, free gain and offset"
     assert float(scores["k1", misfit]["computed"]) < 1e-6 < float(scores["k1m", misfit]["computed"])
     assert misfit in (project / "results/tables/measured.html").read_text()

@@ -1,4 +1,4 @@
-"""The recipes of CONTRIBUTING, each done in a copy of the project as the page says."""
+"""The recipes of CONTRIBUTING, each followed in a copy of the project."""
 
 import os
 import re
@@ -15,26 +15,28 @@ _BLOCK = re.compile(r'^```(\w+) title="([^"]+)"\n(.*?)^```', re.DOTALL | re.MULT
 
 
 def follow(folder, heading):
-    """Take the steps of a recipe: extend files, or change the lines of a diff."""
+    """Follow a recipe of CONTRIBUTING in a folder: extend its files or apply the diffs."""
     recipe = re.search(rf"^### {heading}\n(.*?)^##", PAGE, re.DOTALL | re.MULTILINE)[1]
     for language, name, text in _BLOCK.findall(recipe):
         path = folder / name
-        new = path.read_text(encoding="utf-8") if path.exists() else ""
+        content = path.read_text(encoding="utf-8") if path.exists() else ""
         if language == "diff":
             for hunk in text.split("@@\n"):
                 lines = hunk.splitlines(keepends=True)
-                before = "".join(line[1:] for line in lines if line[0] != "+")
-                assert new.count(before) == 1, f"{name}: {before}"
-                new = new.replace(before, "".join(line[1:] for line in lines if line[0] != "-"))
+                old_lines = "".join(line[1:] for line in lines if line[0] != "+")
+                assert content.count(old_lines) == 1, f"{name}: {old_lines}"
+                content = content.replace(
+                    old_lines, "".join(line[1:] for line in lines if line[0] != "-")
+                )
         else:
-            new = f"{new}\n\n{text}" if new else text
+            content = f"{content}\n\n{text}" if content else text
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(new, encoding="utf-8")
+        path.write_text(content, encoding="utf-8")
 
 
 @pytest.fixture
 def copy(tmp_path):
-    """Return a copy of the library and its tests."""
+    """Return a folder with a copy of the library and its tests."""
     ignored = shutil.ignore_patterns("__pycache__", "golden")
     for name in ("gearlib", "tests"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
@@ -44,7 +46,7 @@ def copy(tmp_path):
 
 
 def python(folder, *arguments):
-    """Run Python in a folder, with its library and without compilation; return the process."""
+    """Run Python with the library of a folder and without compilation; return the process."""
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(folder)}
     options = {"cwd": folder, "env": environment, "text": True, "capture_output": True}
     return subprocess.run([sys.executable, *arguments], check=False, **options)
@@ -114,22 +116,25 @@ def test_a_new_method_works_by_the_recipe(copy):
 
 @pytest.mark.slow
 def test_a_new_summary_quantity_works_by_the_recipe(copy):
+    """The tests must accept the new quantity, and refuse it if it is wrong or not tested."""
     follow(copy, "A quantity in summaries")
     tests, orbit = copy / "tests/properties/test_summaries.py", copy / "gearlib/engines/orbit.py"
-    # Runs that strike both flanks, by engines and steps.
-    chosen = tests, "-k", "(flanks or strikes or unequal) and (exact or taylor or rk4)"
-    assert python(copy, "-m", "pytest", *chosen).returncode == 0
-    right = orbit.read_text(encoding="utf-8")
-    orbit.write_text(right.replace("[IMPACTS] += ", "[IMPACTS] += 2.0 * "), encoding="utf-8")
-    assert python(copy, "-m", "pytest", *chosen).returncode == 1
-    # Without its value in the tests.
-    orbit.write_text(right, encoding="utf-8")
+    # These motions touch both flanks, by engines and by step methods.
+    test_selection = tests, "-k", "(flanks or strikes or unequal) and (exact or taylor or rk4)"
+    assert python(copy, "-m", "pytest", *test_selection).returncode == 0
+    correct_source = orbit.read_text(encoding="utf-8")
+    orbit.write_text(
+        correct_source.replace("[IMPACTS] += ", "[IMPACTS] += 2.0 * "), encoding="utf-8"
+    )
+    assert python(copy, "-m", "pytest", *test_selection).returncode == 1
+    # Now the tests lack the value of the quantity.
+    orbit.write_text(correct_source, encoding="utf-8")
     shutil.copy2(ROOT / "tests/properties/test_summaries.py", tests)
-    assert python(copy, "-m", "pytest", *chosen).returncode == 1
+    assert python(copy, "-m", "pytest", *test_selection).returncode == 1
 
 
 def report_after(project, target):
-    """Run a target in a project; return the rules of its jobs and the text of the report."""
+    """Run a target in a project and return the rules of its jobs and the text of the report."""
     project.configure(lambda settings: settings.update(targets=[target]))
     rules = project.rules("-j2")
     project.snakemake("--report", "report.html")

@@ -1,4 +1,4 @@
-"""What the workflow runs after a change, and what it refuses: the real Snakemake, small jobs."""
+"""Jobs that the workflow runs after a change, and its refusals, by the real Snakemake."""
 
 import os
 import re
@@ -15,14 +15,14 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def shared(first_run, tmp_path_factory):
-    """A copy of the project with all its results, which tests leave as it was."""
+    """Return a copy of the project with all its results, which tests must leave unchanged."""
     folder = tmp_path_factory.mktemp("shared") / "project"
     shutil.copytree(first_run[0].folder, folder)
     return Project(folder)
 
 
 def planned_after(project, path, edit):
-    """Return the rules whose jobs would run after an edit of the text of a file; undo it."""
+    """Return the rules that would run after an edit of a file, and undo the edit."""
     text = (project / path).read_text(encoding="utf-8")
     try:
         (project / path).write_text(edit(text), encoding="utf-8")
@@ -32,9 +32,10 @@ def planned_after(project, path, edit):
 
 
 def planned_with(project, change):
-    """Return the rules whose jobs would run with another configuration; undo the change."""
+    """Return the rules that would run with a changed configuration, and undo the change."""
 
     def edit(text):
+        """Return the text of the changed configuration."""
         settings = yaml.safe_load(text)
         change(settings)
         return yaml.safe_dump(settings, sort_keys=False)
@@ -44,7 +45,7 @@ def planned_with(project, change):
 
 def test_a_second_run_starts_no_job(project):
     provenance = (project / "results/provenance.json").read_bytes()
-    # New dates of equal files, other order and spelling in the configuration.
+    # Files get new dates, and the configuration another order and spelling of its values.
     for path in project.folder.rglob("*"):
         if ".snakemake" not in path.parts and "results" not in path.parts:
             os.utime(path)
@@ -57,7 +58,7 @@ def test_a_second_run_starts_no_job(project):
     assert (project / "results/provenance.json").read_bytes() == provenance
 
 
-#: Edited module -> the rules that run again; "all" and "draw" stand for all jobs and all figures.
+#: Rules that run again after an edit of a module; "all" means all jobs and "draw" all figures.
 EDITS = {
     "gearlib/engines/pair/events.py": "all",
     "gearlib/figures/style.py": "draw",
@@ -80,7 +81,7 @@ def test_an_edited_module_reruns_the_jobs_that_use_it(shared, first_run, path):
 
 
 TRIAL = {"name": "mine", "method": "newmark", "options": {"contact": "frozen"}}
-#: Change of the configuration, and the rules whose jobs run then.
+#: Changes of the configuration, and the rules whose jobs run after them.
 CHANGES = {
     "another colour, and more of the courses of a scene": (
         lambda c: (
@@ -105,7 +106,7 @@ def test_a_changed_configuration_key_reruns_the_jobs_that_use_it(shared, name):
 def test_a_larger_stop_keeps_the_computed_windows(shared):
     printed = shared.snakemake("-n", "--config", "resonance={stop: 2.3}")
     planned = {*re.findall(r"^    output: results/resonance/k1/(.*).nc$", printed, re.M)}
-    # Sweeps up and down go through the whole range.
+    # Sweeps up and down pass through the whole range and must be computed again.
     assert planned == {"cold/1.5000-2.3000", "up/0.5000-2.3000", "down/0.5000-2.3000"}
     rules = {"sweep_window", "gather_resonance", "draw_resonance", "draw_run_ups", "compute_claims"}
     assert rules_in(printed) == rules
@@ -119,6 +120,7 @@ def test_a_changed_damping_reruns_only_the_jobs_with_this_damping(shared):
 
 
 def test_targets_and_the_command_line_choose_the_jobs(shared, tmp_path):
+    """Only jobs for the changed keys and for the requested targets may be planned."""
     (tmp_path / "mine.yaml").write_text("phase_planes: {tunings: [0.9]}\n", encoding="utf-8")
     key = "phase_lag={periods: 110}"
     planned = shared.planned("--configfile", tmp_path / "mine.yaml", "--config", key)
@@ -130,6 +132,7 @@ def test_targets_and_the_command_line_choose_the_jobs(shared, tmp_path):
 
 
 def test_a_new_scene_runs_without_repeating_the_others(project):
+    """Adding a scene must run its own jobs and leave all existing results as they are."""
     before = {path: (project / path).stat().st_mtime_ns for path in project.results()}
     case = {"title": "mine", "damping": "k1", "tuning": 0.9, "change": {"contact_ratio": 1.3}}
     scene = {
@@ -157,7 +160,7 @@ def test_each_project_writes_to_its_own_folder(project, tmp_path):
     assert project.rules(*arguments, *settings) == rules
     assert (tmp_path / "mine/results/figures/phase_shift.png").exists()
     assert project.planned() == set()
-    # The results are those of another configuration.
+    # Another configuration in the folder makes its results out of date.
     shutil.copy(ROOT / "config.yaml", tmp_path / "mine")
     assert project.planned(*arguments) == rules - {"compile_kernels"}
 
@@ -177,6 +180,7 @@ def test_the_linter_of_snakemake_reports_nothing(shared):
 
 def test_a_wrong_configuration_is_refused_in_one_sentence(project):
     def refusal(*arguments):
+        """Return the last line that a refused dry run prints."""
         printed = project.snakemake("-n", *arguments, succeed=False)
         assert "Traceback" not in printed and ".smk" not in printed
         return printed.splitlines()[-1]

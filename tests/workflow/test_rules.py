@@ -15,18 +15,18 @@ from tests.workflow.project import project_copy
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A copy of the project without results."""
+    """Return a copy of the project without results."""
     return project_copy(tmp_path_factory.mktemp("rules") / "project")
 
 
 @pytest.fixture(scope="module")
 def paper(project):
-    """The rules of the paper's gear pair, the configuration of the project."""
+    """Return the rules for the paper's gear pair, the default configuration."""
     return declared(project)
 
 
 def rules_of(project, configuration):
-    """Return the rules of a configuration of other gears than the paper's."""
+    """Return the rules for a configuration of other gears than the paper's."""
     (project / "mine.yaml").write_text(yaml.safe_dump(configuration), encoding="utf-8")
     return declared(project, "--configfile", "mine.yaml")
 
@@ -44,46 +44,50 @@ def test_each_target_has_a_rule_and_each_figure_and_table_a_caption(paper):
 
 
 def test_gears_of_the_user_reach_the_studies_of_gear_geometry(project, paper):
+    """Parameters and captions of the studies must contain the gears of the user."""
     quality = {"pinion": {**OWN["gears"]["pinion"], "quality": 6}}
     quality["wheel"] = {"teeth": 61, "quality": 6}
-    mine = rules_of(project, OWN | {"gears": OWN["gears"] | quality})
+    user_rules = rules_of(project, OWN | {"gears": OWN["gears"] | quality})
     for name in ("mesh_stiffness", "harris_map", "dynamic_factor"):
-        computation = repr(mine.rules[f"compute_{name}"]["params"])
+        computation = repr(user_rules.rules[f"compute_{name}"]["params"])
         assert "'teeth': 23" in computation and "'torque': 85.0" in computation
         assert "'teeth': 16" not in computation
-        assert NAME in repr(mine.rules[f"draw_{name}"]["params"])
-        # The sections of the paper's configuration draw gears of type C, which are named.
+        assert NAME in repr(user_rules.rules[f"draw_{name}"]["params"])
+        # The default configuration uses FZG gears of type C in these studies.
         assert "'teeth': 16" in repr(paper.rules[f"compute_{name}"]["params"])
         assert "FZG type C" in paper.rules[f"draw_{name}"]["params"]["gears"]
 
 
 def test_the_report_on_gears_of_a_user_has_their_table_and_no_paper_figures(project):
-    mine = rules_of(project, OWN)
-    table = mine.rules["gears_table"]
+    user_rules = rules_of(project, OWN)
+    table = user_rules.rules["gears_table"]
     rows = [row[:3] for row in gear_table.rows(**with_models(table["params"]["settings"]))]
     assert ["teeth", "wheel", "61"] in rows and ["damping_ratio", "light", "0.03"] in rows
-    assert "stiffness" in mine.caption("gears_table")
-    parts = {part for rule in mine.rules.values() for part in rule["parts"]}
+    assert "stiffness" in user_rules.caption("gears_table")
+    parts = {part for rule in user_rules.rules.values() for part in rule["parts"]}
     assert not [part for part in parts if "paper's figures" in part]
 
 
 def test_a_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
     damped = {"train": {"planetary_set": {"damping_ratio": 0.03}}}
-    mine = rules_of(project, overlay(PLANETS, damped))
+    user_rules = rules_of(project, overlay(PLANETS, damped))
     for name in TRAIN_TARGETS:
-        assert mine.rules[f"draw_{name}"]["params"]["gears"] == "planetary set z 27/36/99, m 2 mm"
-        computation = repr(mine.rules[f"compute_{name}"]["params"])
-        # The default train, the reducer, has teeth of 24, 36, 24, 36.
+        assert (
+            user_rules.rules[f"draw_{name}"]["params"]["gears"]
+            == "planetary set z 27/36/99, m 2 mm"
+        )
+        computation = repr(user_rules.rules[f"compute_{name}"]["params"])
+        # The default train is a reducer with 24, 36, 24 and 36 teeth.
         assert "'teeth': 99" in computation and "[24, 36, 24, 36]" not in computation
-    assert "planetary set" in mine.caption("campbell")
+    assert "planetary set" in user_rules.caption("campbell")
 
 
 def test_captions_of_gears_with_relief_name_the_limits_of_the_model(project):
     errors = {"gears": {"pinion": {"pitch_errors": ["1 um"] * 23}}}
-    mine = rules_of(project, overlay(relieved(), errors))
-    assert "pitch errors of the gears are left out" in mine.caption("harris_map")
+    user_rules = rules_of(project, overlay(relieved(), errors))
+    assert "pitch errors of the gears are left out" in user_rules.caption("harris_map")
     for name in ("fig3_resonance", "run_ups"):
-        assert "pairs of teeth, energy method" in mine.caption(name)
-    caption = mine.caption("tolerance_bands")
+        assert "pairs of teeth, energy method" in user_rules.caption(name)
+    caption = user_rules.caption("tolerance_bands")
     assert "jumps by 1/kappa = " in caption and "not a K_v" in caption
-    assert "without tip relief" in mine.caption("mesh_stiffness")
+    assert "without tip relief" in user_rules.caption("mesh_stiffness")
