@@ -195,8 +195,9 @@ def bearings(train: Any) -> tuple[list[tuple[str, str]], np.ndarray]:
 
     A name is (name of the body, "x", "y", "radial" or "tangential"). Rows, shape (r, 3 n + m + 1),
     hold factors of n coordinates, n rates, n accelerations, m mesh forces and the acceleration of
-    the phase; forces in N that are always 0 are left out. An elastic bearing carries its
-    deflection, and the force on a rigid bearing follows from the equilibrium of the body.
+    the phase; the sum of the products is a force in N. Forces that are always 0 are left out. The
+    force on an elastic bearing follows from its deflection, and the force on a rigid bearing from
+    the equilibrium of the body.
     """
     structure = train.structure
     m, n = structure.lines.shape

@@ -253,13 +253,8 @@ def _description(train, data, bearing_names, identifier: str, token: str) -> str
         if attributes["causality"] == "output":
             outputs += _tag("Output", valueReference=reference)
             unknowns += _tag("InitialUnknown", valueReference=reference)
-    capabilities = (
-        "canHandleVariableCommunicationStepSize",
-        "canGetAndSetFMUState",
-        "canSerializeFMUState",
-        "hasEventMode",
-        "mightReturnEarlyFromDoStep",
-    )
+    capabilities = "canHandleVariableCommunicationStepSize", "canGetAndSetFMUState"
+    capabilities += "canSerializeFMUState", "hasEventMode", "mightReturnEarlyFromDoStep"
     variable_tags = "".join(_tag(kind, **attributes) for attributes, kind in variables)
     content = (
         _tag("CoSimulation", modelIdentifier=identifier, **dict.fromkeys(capabilities, "true"))

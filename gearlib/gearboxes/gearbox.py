@@ -133,13 +133,10 @@ class Gearbox:
         """
         carriers = {}  # id of the shaft of a planet -> id of its carrier
         for planetary in self.model.of_type("planetary_stage"):
-            carrier_id = planetary.id
-            for part in self.model.parts_of(planetary):
-                if part.type == "planet_carrier":
-                    carrier_id = part.id
-                    break
+            owners = [x for x in self.model.parts_of(planetary) if x.type == "planet_carrier"]
+            owner = owners[0] if owners else planetary
             for roles in self.model.related("planet_shaft", planetary_stage=planetary):
-                carriers[roles["shaft"].id] = carrier_id
+                carriers[roles["shaft"].id] = owner.id
         stages = {}
         for part in self.model.components.values():
             if not part.type.endswith("_stage") or part.type == "planetary_stage":
@@ -256,10 +253,8 @@ class Gearbox:
         if start is None or self._is_placed(gear, shaft):
             # A position means the middle of the gear in every version of the format.
             middle = self.coordinate(gear, shaft)
-        elif self.model.version == "1.0":
-            middle = start + width / 2.0
         else:
-            middle = start
+            middle = start + (width / 2.0 if self.model.version == "1.0" else 0.0)
         return middle - width / 2.0, middle + width / 2.0
 
     def _is_placed(self, part: Component, shaft: Component) -> bool:
@@ -272,11 +267,8 @@ class Gearbox:
         A coupling without a position is placed at another gear of the shaft. Raises ValueError if
         any other position is missing.
         """
-        other_gears = [
-            other
-            for other in self.model.parts_of(shaft)
-            if other.type in _GEARS and other.id != part.id
-        ]
+        gears_on_shaft = [gear for gear in self.model.parts_of(shaft) if gear.type in _GEARS]
+        other_gears = [gear for gear in gears_on_shaft if gear.id != part.id]
         if not self._is_placed(part, shaft) and part.type in parts.COUPLINGS and other_gears:
             self.default(f"lies at {other_gears[0].name}", part)
             return sum(self.face(other_gears[0])) / 2.0

@@ -155,16 +155,14 @@ class Places:
         along, up = np.array(u or [1.0, 0.0, 0.0]), np.array(w or [0.0, 0.0, 1.0])
         axes = np.stack([along, np.cross(up, along), up])
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-        reference = self.model.components.get(str(part.value("reference_component_for_position")))
-        if reference is None or reference.id == part.id or reference.type == "gear_unit":
+        other = self.model.components.get(str(part.value("reference_component_for_position")))
+        if other is None or other.id == part.id or other.type == "gear_unit" or depth > 20:
             return np.array(origin), axes
-        if depth > 20:
-            return np.array(origin), axes
-        frame = self._frame(reference, depth + 1)
+        frame = self._frame(other, depth + 1)
         if frame is None:
             return None
-        reference_origin, reference_axes = frame
-        return reference_origin + np.array(origin) @ reference_axes, axes @ reference_axes
+        other_origin, other_axes = frame
+        return other_origin + np.array(origin) @ other_axes, axes @ other_axes
 
     def position(self, part: Component) -> np.ndarray | None:
         """Return the coordinates u, v, w of the origin of a component in m, or None if unknown."""
@@ -220,14 +218,8 @@ def shafts(model: RexsModel, places: Places, default: Callable) -> dict[str, Sha
                 sections.append(section)
         shaft_material, shear_modulus = material(model, part, default)
         sections.sort()
-        shafts_by_id[part.id] = Shaft(
-            part.name,
-            shaft_material,
-            shear_modulus,
-            tuple(sections),
-            places.position(part),
-            places.direction(part),
-        )
+        properties = part.name, shaft_material, shear_modulus, tuple(sections)
+        shafts_by_id[part.id] = Shaft(*properties, places.position(part), places.direction(part))
     return shafts_by_id
 
 
@@ -261,9 +253,7 @@ def _is_engaged(model: RexsModel, part: Component) -> bool:
     engaged = part.value("is_engaged")
     if isinstance(engaged, list):
         units = model.of_type("gear_unit")
-        gear_number = 1
-        if units:
-            gear_number = int(units[0].number("gear_shift_index", "1") or 1)
+        gear_number = int(units[0].number("gear_shift_index", "1") or 1) if units else 1
         engaged = engaged[gear_number - 1] if 0 < gear_number <= len(engaged) else None
     return str(engaged).strip().lower() != "false"
 

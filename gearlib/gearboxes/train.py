@@ -102,9 +102,7 @@ class _Assembly:
         if bearing_stiffness is not None:
             bearings = [bearing._replace(stiffness=bearing_stiffness) for bearing in bearings]
         #: Elastic bearings.
-        self.bearings = [
-            bearing for bearing in bearings if bearing.stiffness and bearing.stiffness < RIGID
-        ]
+        self.bearings = [x for x in bearings if x.stiffness and x.stiffness < RIGID]
         self.nodes: list[_Node] = []
         #: Tuples (node, node, torsional stiffness in N m/rad, bending stiffness in N/m).
         self.springs: list[tuple] = []
@@ -248,9 +246,7 @@ class _Assembly:
         on_shaft = _bearings_of(part, self.box.bearings)
         elastic = _bearings_of(part, self.bearings)
         if elastic and len(elastic) == len(on_shaft):
-            at_node = [
-                bearing for bearing in elastic if self.places[bearing.part.id, part.id] is node
-            ]
+            at_node = [x for x in elastic if self.places[x.part.id, part.id] is node]
             node.support = float(sum(bearing.stiffness for bearing in at_node))
         elif on_shaft:
             node.support = math.inf
@@ -380,9 +376,7 @@ class _Assembly:
 
 def _bearings_of(part: Component, bearings: list) -> list:
     """Return those bearings whose inner or outer part is a shaft, given by its component."""
-    return [
-        bearing for bearing in bearings if part.id in (bearing.inner[0].id, bearing.outer[0].id)
-    ]
+    return [x for x in bearings if part.id in (x.inner[0].id, x.outer[0].id)]
 
 
 def build(

@@ -92,12 +92,10 @@ class Matrices:
     def digest(self) -> str:
         """Return a hash of all values, which stands for the matrices in results."""
         arrays = self.mass, self.damping, self.stiffness, self.load, *self.rows.values()
-        content_hash = hashlib.sha256(
-            repr((self.coordinates, self.gears, list(self.rows))).encode()
-        )
+        hasher = hashlib.sha256(repr((self.coordinates, self.gears, list(self.rows))).encode())
         for array in arrays:
-            content_hash.update(np.ascontiguousarray(array).tobytes())
-        return content_hash.hexdigest()
+            hasher.update(np.ascontiguousarray(array).tobytes())
+        return hasher.hexdigest()
 
     @property
     def is_symmetric(self) -> bool:

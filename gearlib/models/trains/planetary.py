@@ -160,8 +160,7 @@ def planetary(
     n = planets
     sun_teeth, ring_teeth = teeth
     planet_teeth = _planet_teeth(teeth, planet_teeth)
-    if positions is None:
-        positions = equal_positions(sun_teeth, ring_teeth, n)
+    positions = equal_positions(sun_teeth, ring_teeth, n) if positions is None else positions
     positions = checks.sequence("positions", positions, n)
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
     errors = checks.sequence("pin_errors", pin_errors, n)

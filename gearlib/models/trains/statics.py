@@ -37,11 +37,11 @@ _RESIDUAL_TOLERANCE = 1e-9
 def _balancing_torques(train: "GearTrain") -> str:
     """Return a suggestion of torques that balance a train, as in "-20 N m on wheel".
 
-    It changes as few torques as possible: it keeps the first torque, which drives, and prefers
-    loaded bodies without a carrier, the last ones first.
+    As few torques as possible are changed: the first one, which drives, is kept, and loaded bodies
+    without a carrier are preferred, the last ones first.
     """
     radii, torques = np.array([(body.base_radius, body.torque) for body in train.bodies]).T
-    # Work of 1 N m on each body in each free motion, and the rounding error of a work.
+    # Work of 1 N m on each body in each free motion; smaller works than the tolerance are rounding.
     works = (train.structure.motions[:, 2] @ train.free_motions).T / radii
     work_tolerance = 1e-6 * abs(works).max()
     # Bodies with the highest preference are changed first.

@@ -109,9 +109,8 @@ def train_system(train: "GearTrain", tuning: float, segments: Segments) -> Train
     drive, coast = _distance_rows(train)
     # The state z obeys dz/dtheta = free_flight z while no flanks touch. The rows n to 2 n are the
     # accelerations.
-    free_flight = single_mesh_system.harmonic_oscillators(
-        drive.shape[1], 2 * n + 1, tuning * frequencies
-    )
+    state_size, rates = drive.shape[1], tuning * frequencies
+    free_flight = single_mesh_system.harmonic_oscillators(state_size, 2 * n + 1, rates)
     free_flight[:n, n : 2 * n] = np.eye(n)
     free_flight[n : 2 * n, :n] = -inverse_mass @ matrices.stiffness
     free_flight[n : 2 * n, n : 2 * n] = -inverse_mass @ matrices.damping

@@ -164,7 +164,7 @@ class GearTrain(Model):
         return "mean stiffness"
 
     def __post_init__(self) -> None:
-        """Check the elements, names, gears and torques of the train."""
+        """Set the default reference mesh; check the names, gears and torques of the train."""
         valid = self.matrices is None or hasattr(self.matrices, "coordinates")
         allowed = "left out; see `GearTrain.from_matrices`"
         checks.require(valid, "matrices", self.matrices, allowed)
@@ -433,9 +433,8 @@ class GearTrain(Model):
 
     def has_damping(self) -> bool:
         """Return whether a mesh, support or shaft is damped."""
-        if any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes):
-            return True
-        return bool(self.structure.damping.any())
+        in_meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
+        return in_meshes or bool(self.structure.damping.any())
 
     def dimensionless_matrices(self, tuning: float) -> DimensionlessMatrices:
         """Return the dimensionless matrices without the meshes at a tuning."""
@@ -678,11 +677,8 @@ class GearTrain(Model):
         """
         m = len(self.meshes)
         sample_columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
-        return (
-            np.empty((samples, sample_columns)),
-            np.empty((events, EVENT_COLUMNS)),
-            np.empty((m, orbit.SUMMARY_COLUMNS)),
-        )
+        shapes = (samples, sample_columns), (events, EVENT_COLUMNS), (m, orbit.SUMMARY_COLUMNS)
+        return tuple(map(np.empty, shapes))
 
     def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
         """Return the motions of the bodies as a dataset variable: name -> (dims, values).

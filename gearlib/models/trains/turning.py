@@ -223,15 +223,14 @@ def _check_keying(shaft, bodies: dict, positions: dict) -> None:
     middle of a tooth.
     """
     tooth_counts = [bodies[name].teeth or 1 for name in shaft.bodies]
-    # Angles of the middle of a tooth of both bodies, in revolutions.
-    angle_1, angle_2 = (
-        positions[name] / z for name, z in zip(shaft.bodies, tooth_counts, strict=True)
-    )
+    # Angles of a tooth middle of both bodies, in revolutions.
+    angles = [positions[name] / z for name, z in zip(shaft.bodies, tooth_counts, strict=True)]
+    difference = angles[1] - angles[0]
     # Any two teeth may be in line, so that keying angles are equal modulo 2 pi / count.
     count = math.lcm(*tooth_counts)
-    misfit = count * (angle_2 - angle_1 - shaft.keying / math.tau)
+    misfit = count * (difference - shaft.keying / math.tau)
     if abs(misfit - round(misfit)) > count * _POSITION_TOLERANCE / max(tooth_counts):
-        required = math.tau / count * ((count * (angle_2 - angle_1)) % 1.0)
+        required = math.tau / count * ((count * difference) % 1.0)
         raise ValueError(
             f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: "
             f"around the loops of meshes it must be {required:.9g}, or a whole multiple of "
