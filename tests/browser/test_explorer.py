@@ -36,14 +36,14 @@ GEOMETRY = {
     "dampings": {"d": {"damping_ratio": 0.03, "backlash_damping_ratio": 0.01}},
 }
 RELIEF = {"amount": "15 um", "length": "2 mm", "shape": "parabolic"}
-#: Samples of the time history that the page draws.
+#: Number of samples of the time history that the page draws.
 SHOWN_SAMPLES = SHOWN_PERIODS * SAMPLES
 TRAIN = {"train": {"kind": "planetary"}}
 RELIEVED = config.overlay(GEOMETRY, {"gears": {"pinion": {"tip_relief": RELIEF}}})
 
 
-def moved(settings, damping, **values):
-    """Return the configuration that sliders make of another, some of them at values in SI units."""
+def moved_configuration(settings, damping, **values):
+    """Return a configuration after some of its sliders moved to values in SI units."""
     gears = page.Sliders(settings, damping)
     initial = {name: slider.initial for name, slider in gears.sliders.items()}
     assert values.keys() <= initial.keys()
@@ -51,7 +51,7 @@ def moved(settings, damping, **values):
 
 
 def pair_of(settings, damping):
-    """Return the gear pair of a configuration with the damping of that name."""
+    """Return the gear pair of a configuration with a named damping."""
     return model(config.load(settings).pair(damping))
 
 
@@ -65,15 +65,16 @@ def test_each_slider_starts_within_its_limits(settings, damping):
 def test_untouched_sliders_keep_the_configuration_and_the_first_tuning():
     first_tuning = CONFIG["phase_planes"]["tunings"][0]
     unchanged = CONFIG | {"phase_planes": CONFIG["phase_planes"] | {"tunings": [first_tuning]}}
-    assert moved(CONFIG, "k1") == unchanged
-    unchanged = moved(GEOMETRY, "d")
+    assert moved_configuration(CONFIG, "k1") == unchanged
+    unchanged = moved_configuration(GEOMETRY, "d")
     (tuning,) = unchanged.pop("phase_planes")["tunings"]
     assert unchanged == GEOMETRY and pair_of(GEOMETRY, "d").speed(tuning) == pytest.approx(9000.0)
 
 
 def test_sliders_of_a_pair_change_its_numbers():
+    """Moved values must change, and all other values and sections must stay."""
     values = {"tuning": 0.73, "backlash": 60e-6, "stiffness_ratio": 0.7, "damping_ratio": 0.1}
-    configuration = moved(CONFIG, "k1", **values)
+    configuration = moved_configuration(CONFIG, "k1", **values)
     pair, before = pair_of(configuration, "k1"), pair_of(CONFIG, "k1")
     expected = before.replace(backlash=60e-6, stiffness_ratio=0.7)
     critical = 2.0 * expected.reduced_mass * expected.mean_eigenfrequency
@@ -86,12 +87,12 @@ def test_sliders_of_a_pair_change_its_numbers():
 def test_sliders_of_gear_geometry_change_the_gears_of_the_library():
     values = {"module": 3e-3, "pinion_teeth": 25, "pinion_shift": 0.2, "helix_angle": 0.2}
     values |= {"torque": 40.0, "speed": 5000.0, "backlash": 100e-6, "width": 0.02}
-    configuration = moved(GEOMETRY, "d", **values)
+    configuration = moved_configuration(GEOMETRY, "d", **values)
     mesh, old_mesh = (config.load(settings).gears.mesh() for settings in (configuration, GEOMETRY))
     pinion = mesh.pinion
     assert (pinion.teeth, pinion.module, pinion.shift) == (25, 3e-3, 0.2)
     assert (mesh.wheel.module, mesh.wheel.helix_angle, mesh.width) == (3e-3, 0.2, 0.02)
-    # The addendum, in modules, stays as it is without the shift.
+    # Without the shift the addendum in modules must not change.
     addendum, old_addendum = (
         (gear.tip_diameter - gear.reference_diameter) / 2.0 / gear.module - gear.shift
         for gear in (pinion, old_mesh.pinion)
@@ -104,19 +105,22 @@ def test_sliders_of_gear_geometry_change_the_gears_of_the_library():
 
 
 def test_sliders_scale_reliefs_or_limit_them_to_the_region_of_single_contact():
-    mesh = config.load(moved(RELIEVED, "d", tip_relief=30e-6, module=5e-3)).gears.mesh()
+    mesh = config.load(
+        moved_configuration(RELIEVED, "d", tip_relief=30e-6, module=5e-3)
+    ).gears.mesh()
     assert mesh.pinion.tip_relief.amount == pytest.approx(30e-6)
     assert mesh.pinion.tip_relief.length == pytest.approx(4e-3)
     assert mesh.wheel.tip_relief is None
-    mesh = config.load(moved(GEOMETRY, "d", tip_relief=30e-6)).gears.mesh()
+    mesh = config.load(moved_configuration(GEOMETRY, "d", tip_relief=30e-6)).gears.mesh()
     for gear in (mesh.pinion, mesh.wheel):
         assert gear.tip_relief.length == pytest.approx(mesh.longest_relief)
 
 
-def test_a_view_of_a_pair_shows_what_the_library_computes():
-    view = compute_view(moved(CONFIG, "k1", tuning=0.81), "k1")
+def test_a_view_of_a_pair_matches_the_library():
+    """Compare motion, multipliers, sweeps and orders of a view with the library."""
+    view = compute_view(moved_configuration(CONFIG, "k1", tuning=0.81), "k1")
     pair = pair_of(CONFIG, "k1")
-    # The settings are those of `gearlib.explorer.view`.
+    # These settings are the ones of `gearlib.explorer.view`.
     run = gearlib.simulate(pair, 0.81, periods=304, record_periods=SHOWN_PERIODS)
     np.testing.assert_array_equal(view.run.displacement[-SHOWN_SAMPLES:], run.displacement)
     orbit = gearlib.periodic_orbit(pair, 0.81, guess=run.final_state.values)
@@ -131,8 +135,9 @@ def test_a_view_of_a_pair_shows_what_the_library_computes():
 
 
 def test_a_view_of_gears_given_by_geometry_shows_the_load_sharing_model():
-    view, gears = compute_view(moved(RELIEVED, "d"), "d"), config.load(RELIEVED).gears
-    # The power and the speed are those of GEOMETRY.
+    """Compare transmission error, motion and derived quantities of a view with the library."""
+    view, gears = compute_view(moved_configuration(RELIEVED, "d"), "d"), config.load(RELIEVED).gears
+    # GEOMETRY has a power of 30 kW and a speed of 9000 rpm.
     torque = 30e3 / (9000.0 * math.tau / 60.0)
     error = gears.mesh().transmission_error(torque, stiffness="energy")
     np.testing.assert_allclose(view.error.transmission_error[-1], error.transmission_error[0])
@@ -154,6 +159,7 @@ def test_a_view_of_gears_given_by_geometry_shows_the_load_sharing_model():
 
 
 def test_curves_over_speed_match_sweeps_and_show_the_iso_factor():
+    """Compare dynamic factors, errors and jumps over speed with sweeps and with ISO 6336."""
     quality = {"gears": {"pinion": {"quality": 6}, "wheel": {"quality": 6}}}
     settings = config.overlay(GEOMETRY, quality)
     shown, gears = page.Page(settings, "d"), config.load(settings).gears
@@ -182,16 +188,17 @@ def test_sliders_of_gear_geometry_show_the_damping_ratio_of_the_load_sharing_mod
     assert shown.sliders["damping_ratio"].initial == pytest.approx(
         pairs_of_teeth.damping_ratio, rel=1e-11
     )
-    # A change of the torque leaves the damping of the motion as it is.
-    changed = config.load(moved(settings, "d", torque=40.0)).gears_model("d")
+    # A changed torque must not change the damping coefficient of the motion.
+    changed = config.load(moved_configuration(settings, "d", torque=40.0)).gears_model("d")
     assert model(changed).material_damping == pytest.approx(500.0, rel=0.02)
 
 
 @pytest.mark.parametrize("settings", [GEOMETRY, RELIEVED])
 def test_shares_of_neighbouring_tooth_pairs_add_up_to_the_load(settings):
+    """Compare the drawn load share over the path with its sum rule and with the library."""
     shown, mesh = page.Page(settings, "d"), config.load(settings).gears.mesh()
     position, share = (shown.figures.sources["share"].data[axis] for axis in "xy")
-    # 256 samples in a base pitch; the next pair of teeth is one base pitch behind.
+    # There are 256 samples in a base pitch, by which the next tooth pair follows.
     assert 256 * (position[1] - position[0]) == pytest.approx(1e3 * mesh.base_pitch, rel=1e-9)
     assert position[[0, -1]] == pytest.approx(1e3 * np.array(mesh.path), abs=0.1)
     np.testing.assert_allclose(share[256:] + share[:-256], 1.0, rtol=1e-12)
@@ -200,18 +207,19 @@ def test_shares_of_neighbouring_tooth_pairs_add_up_to_the_load(settings):
         mesh, torque=30e3 / (300.0 * math.pi), corner_contact=False
     )
     forces = model.tooth_forces([0.0], model.static_state(0.5)[:1])[0]
-    # Phase 0 is the middle of double contact, near the start of the path for the last pair.
+    # At phase 0, the middle of double contact, the last pair is near the start of the path.
     middle = 1e3 * (mesh.path[0] + (mesh.contact_ratio % 1.0 / 2.0) * mesh.base_pitch)
     assert np.interp(middle, position, share) == pytest.approx(forces[0] / model.load, rel=1e-6)
 
 
 def test_moving_a_slider_redraws_the_figures_or_shows_why_it_is_refused():
+    """Move the torque, then an invalid profile shift, then the helix angle."""
     shown = page.Page(GEOMETRY, "d")
     before = {name: source.data["y"] for name, source in shown.figures.sources.items()}
     shown.widgets["torque"].value = 60.0
     sources = shown.figures.sources
     for name, source in sources.items():
-        # The curve of the transmission error without load, "0", does not depend on the torque.
+        # The unloaded transmission error, "0", does not depend on the torque.
         assert len(source.data["x"]) and (source.data["y"] is not before[name] or name == "0"), name
     view = compute_view(shown.configuration(), "d")
     for name, axis, values in (
@@ -231,7 +239,7 @@ def test_moving_a_slider_redraws_the_figures_or_shows_why_it_is_refused():
     shown.widgets["pinion_shift"].value = 0.0
     shown.widgets["helix_angle"].value = 10.0
     assert shown.figure_column.visible
-    # Of helical gears a base pitch has 64 samples, in which the shares of all pairs add up to 1.
+    # For helical gears a base pitch has 64 samples, at which the shares of all pairs add up to 1.
     share = sources["share"].data["y"]
     shares = np.append(share, np.zeros(-share.size % 64)).reshape(-1, 64)
     np.testing.assert_allclose(shares.sum(axis=0), 1.0, rtol=1e-12)
@@ -266,7 +274,7 @@ def test_a_configuration_that_the_page_cannot_show_is_refused(
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    """The address of a running explorer of the gears GEOMETRY."""
+    """Start an explorer of the gears GEOMETRY and return its address."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

@@ -10,13 +10,13 @@ from gearlib import GearNode, GearTrain, Mesh
 
 _NAMES = ("mass", "stiffness", "gyroscopic")
 _FILES = {name: Path(__file__).with_name(f"ross_{name}.nc") for name in _NAMES}
-#: Name -> matrix of both rotors, SI units.
+#: Matrices of both rotors by name, SI units.
 ROSS = {name: xr.load_dataset(path)[name].values for name, path in _FILES.items()}
 _MOTIONS = ("x", "y", "axial", "tilt x", "tilt y", "turn")
 
 
 def two_rotors(**changes):
-    """Return both rotors with a pair of gears between node 3 of a and node 2 of b."""
+    """Return a train of both rotors, with gears on node 3 of rotor a and node 2 of rotor b."""
 
     def gear(name, teeth, radius, node):
         coordinates = {"rotation": f"{node} turn", "x": f"{node} x", "y": f"{node} y"}

@@ -38,13 +38,13 @@ needs_mkdocs = pytest.mark.skipif(
 
 
 def blocks(page, language):
-    """Return the texts of the code blocks of a language on a page."""
+    """Return the code blocks of a language on a page."""
     text = page.read_text(encoding="utf-8")
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.S | re.M)
 
 
 def with_blocks(language):
-    """Return the pages that have blocks of a language, as parameters of a test."""
+    """Return the pages with code blocks of a language, as parameters of a test."""
     pages = [page for page in PAGES if blocks(page, language)]
     assert pages
     return [pytest.param(page, id=str(page.relative_to(ROOT))) for page in pages]
@@ -52,13 +52,14 @@ def with_blocks(language):
 
 @pytest.fixture
 def hook(monkeypatch):
-    """Import a hook of the site by its name."""
+    """Return a function that imports a hook of the site by its name."""
     monkeypatch.syspath_prepend(str(DOCS / "hooks"))
     return importlib.import_module
 
 
 @pytest.mark.parametrize("page", with_blocks("python"))
 def test_python_examples_print_the_output_shown_below_them(page, tmp_path, monkeypatch, capsys):
+    """Run the code blocks of a page in order, and check its output and its pictures."""
     plt.switch_backend("Agg")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_bytes((ROOT / "config.yaml").read_bytes())
@@ -94,13 +95,14 @@ def test_yaml_examples_are_accepted_as_changes_of_the_configuration(page):
         settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
         settings = overlay(settings, yaml.safe_load(block))
         if "gears" in settings:
-            # Settings of gears given by geometry need no configuration below them.
+            # Settings of gear geometry are also a complete configuration by themselves.
             assert config.load(yaml.safe_load(block))
         else:
             assert config.load(settings)
 
 
 def test_commands_in_the_pages_succeed_within_eighty_columns(tmp_path, monkeypatch):
+    """Run each command of the pages, or compare its options with its help."""
     from click.testing import CliRunner
 
     from gearlib.cli.commands import main
@@ -118,20 +120,21 @@ def test_commands_in_the_pages_succeed_within_eighty_columns(tmp_path, monkeypat
             elif line.startswith("gearlib "):
                 commands.append((folder, shlex.split(line)))
     assert len(commands) > 4
-    # The output of `orbit` has lines that a terminal would break.
+    # The output of `orbit` has long lines, which must be wrapped.
     orbit = shlex.split("gearlib orbit --model train --period 3 --tuning 0.7")
     commands += [(tmp_path, orbit), *((tmp_path, ["gearlib", x, "-h"]) for x in main.commands)]
     for folder, (_, name, *options) in commands:
         monkeypatch.chdir(folder)
-        # The explorer would serve its page until stopped, trust takes seconds, fit, compare and fmu
-        # need data: only the options are compared with the help.
+        # The explorer would serve its page until it is stopped, trust takes seconds, and fit,
+        # compare
+        # and fmu need data, so that only their options are compared with the help.
         help_only = name in ("explore", "trust", "fit", "compare", "fmu")
         if name == "workflow" and options != ["-h"]:
-            # A dry run; tests/wheel runs a workflow and its report.
+            # A dry run is enough, because tests/wheel runs a workflow.
             options = [option for option in options if "report" not in option] + ["-n"]
         result = CliRunner().invoke(main, [name, *(["--help"] if help_only else options)])
         assert result.exit_code == 0, result.output
-        # Snakemake's own lines are longer.
+        # Lines printed by Snakemake itself may be longer.
         fits = all(len(line) <= 80 for line in result.output.splitlines())
         assert fits or name == "workflow", result.output
         for option in options if help_only else ():
@@ -140,7 +143,7 @@ def test_commands_in_the_pages_succeed_within_eighty_columns(tmp_path, monkeypat
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The folder of the documentation as a site, which was built without a warning."""
+    """Build the documentation without warnings and return its folder."""
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
     result = subprocess.run(
@@ -167,7 +170,7 @@ def test_pages_opened_as_files_can_be_searched(site, browser, page):
 
 @needs_mkdocs
 def test_the_notebook_is_executed_and_shows_each_figure_once(site):
-    """A cell that fails ends the build; the notebook itself is kept without what it prints."""
+    """The notebook is stored without output, and the site shows it executed."""
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     nbformat.validate(notebook)
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
@@ -177,7 +180,7 @@ def test_the_notebook_is_executed_and_shows_each_figure_once(site):
     figures = sum(bool(re.search(r"plot\.\w+\(|subplots\(|Image\(", c.source)) for c in cells)
     assert len(shown) == len({*shown}) == figures > 4
     assert all((site / name).stat().st_size > 1000 for name in shown)
-    # 23 teeth at 6000 rpm.
+    # The mesh frequency of 23 teeth at 6000 rpm is 2300 Hz.
     assert re.search(r"mesh frequency +2300 Hz", text) and (site / NOTEBOOK.name).is_file()
 
 
@@ -221,10 +224,11 @@ def test_instability_quoted_for_claim_p4_matches_the_library(hook):
 
 
 def test_quoted_proven_ranges_end_where_the_branches_graze(hook):
-    """The reasons of P4 to P7; the word N of a certificate means contact without a loss."""
+    """Check the reasons of claims P4 to P7: proven ranges without contact loss end at grazings."""
     tongue, branches, proven = hook("evidence").quoted_numbers().values()
-    assert tongue["k1m"]["cause"] == "parametric instability"  # P10
-    # P6 says of k1+k1m what holds of k1.
+    # P10 quotes this cause.
+    assert tongue["k1m"]["cause"] == "parametric instability"
+    # P6 makes the same statement for k1+k1m as for k1.
     ranges = [[row["tuning"] for row in proven[k]["range D"]] for k in ("k1", "k1+k1m")]
     assert ranges[0] == ranges[1]
     assert branches["k1"]["grazing"][-2:] == branches["k1+k1m"]["grazing"][-2:]
@@ -236,9 +240,10 @@ def test_quoted_proven_ranges_end_where_the_branches_graze(hook):
 
 
 def test_quoted_stability_matches_the_certificates(hook):
+    """Check the stability in the reasons of claims P4, P7 and P10."""
     proven = hook("evidence").quoted_numbers()["proven"]
     assert {row["stability"] for row in proven["k1"]["range D"]} == {"stable"}
-    # P4, P7, P10: all orbits but the second have both multipliers on the unit circle.
+    # All orbits but the second have both multipliers on the unit circle.
     for damping, kinds in (
         ("conservative", ["range D"]),
         ("k1m", ["orbit 0.6", "orbit 0.66", "orbit 0.78", "orbit 1.14"]),
@@ -252,13 +257,14 @@ def test_quoted_stability_matches_the_certificates(hook):
 
 
 def test_motions_from_rest_reach_the_quoted_orbits(hook):
+    """Check labels of motions from rest, and for P11 that they tend to the small orbit."""
     evidence = hook("evidence")
     motions = evidence.read("labels").set_index(["damping", "tuning"])
     for nu in (0.6, 0.66, 0.78, 0.8, 0.81, 0.82, 1.14):
         for damping in ("k1", "k1+k1m", "k1m"):
             is_periodic = [*motions.loc[(damping, nu)]] == ["periodic", 1]
             assert is_periodic == (damping != "k1m" or 0.8 <= nu < 1.0)
-    # P11: of two stable orbits the motion from rest tends to the small one.
+    # For P11 there are two stable orbits, of which the motion from rest reaches the small one.
     computed = evidence.read("claims").set_index("id").computed["P11"]
     for nu in (0.815, 0.8151):
         small, _, large = evidence.quoted_numbers()["proven"]["k1"][f"orbit {nu}"]
@@ -274,20 +280,21 @@ def test_every_configuration_key_is_documented(hook):
     page = hook("configuration").tables()
     nodes = [schema(), *schema()["$defs"].values()]
     keys = {key for node in nodes for key in node.get("properties", {})}
-    # A key stands in the first column or in a heading; a key below another as `section.key`.
+    # Keys appear in the first column of tables or in headings, nested ones as `section.key`.
     described = re.findall(r"^\| `([^`]+)`|^## (.+)", page, re.M)
     assert keys <= set(re.findall(r"\w+", " ".join(map(" ".join, described))))
     assert "None" not in page
 
 
 def test_the_architecture_picture_orders_subpackages_by_their_imports():
+    """Compare the rows of boxes with the layers that the import linter enforces."""
     svg = (DOCS / "images/architecture.svg").read_text(encoding="utf-8")
     boxes = re.findall(r'class="room" x="\d+" y="(\d+)".*>(.+)<', svg)
     heights = {name: int(y) for y, name in boxes}
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     layers = settings["tool"]["importlinter"]["contracts"][0]["layers"]
     names = [name for layer in layers for name in re.split(r" [|:] ", layer)]
-    # The picture has no single modules.
+    # The picture shows packages only, no single modules.
     packages = [name for name in names if (ROOT / "gearlib" / name).is_dir()]
     assert set(heights) == set(packages)
     order = [heights[name] for name in packages]
@@ -296,7 +303,7 @@ def test_the_architecture_picture_orders_subpackages_by_their_imports():
 
 
 def test_names_in_the_glossary_exist_in_the_code():
-    """Each is a public name, an attribute or argument of one, or a variable of datasets."""
+    """Each quoted name must be public, an attribute or argument of one, or a dataset variable."""
     from gearlib.data.variables import DESCRIPTIONS
 
     public = [(name, getattr(gearlib, name)) for name in gearlib.__all__]
@@ -312,7 +319,7 @@ def test_names_in_the_glossary_exist_in_the_code():
     text = (DOCS / "glossary.md").read_text(encoding="utf-8")
     quoted = re.findall(r"`([^`]+)`", text.split("\n## ", 1)[1])
     assert len(quoted) > 50
-    # `direction="up"` is the argument `direction`; a second value of it stands in quotes alone.
+    # `direction="up"` refers to the argument `direction`; further values are quoted alone.
     names = {name.split("=")[0] for name in quoted if not name.startswith('"')}
     assert names <= known
 
@@ -324,7 +331,7 @@ def test_the_glossary_has_at_most_60_terms():
 
 
 def test_no_public_text_uses_words_that_the_glossary_avoids():
-    """The paper's own words may stand on the pages about the paper."""
+    """Search pages, captions, configurations and docstrings of public names."""
     glossary = (DOCS / "glossary.md").read_text(encoding="utf-8")
     avoided = re.findall(r'"([^"]+)"', glossary.split("\n## Words that gearlib avoids")[1])
     assert len(avoided) > 10

@@ -36,12 +36,12 @@ class Instance:
         assert self.instance.value
 
     def call(self, name: str, *arguments) -> None:
-        """Call a function and raise RuntimeError with its message where it fails."""
+        """Call a function of the FMU and raise RuntimeError with its message if it fails."""
         if getattr(self.library, f"fmi3{name}")(self.instance, *arguments):
             raise RuntimeError(self.messages[-1])
 
     def start(self, **values: float) -> "Instance":
-        """Initialise with values of variables, whose names have _ for the dots."""
+        """Initialise with values of variables; names may have _ in place of dots."""
         times = c_bool(False), c_double(0.0), c_double(self.time), c_bool(False), c_double(0.0)
         self.call("EnterInitializationMode", *times)
         self.set(values)
@@ -56,7 +56,7 @@ class Instance:
         return self.start(**(state | values))
 
     def set(self, values: dict) -> None:
-        """Set variables, name -> value."""
+        """Set variables by name."""
         references = (c_uint32 * len(values))(*(self.references[name] for name in values))
         numbers, count = (c_double * len(values))(*values.values()), c_size_t(len(values))
         self.call("SetFloat64", references, count, numbers, count)
@@ -75,12 +75,12 @@ class Instance:
         return number.value
 
     def state(self, train) -> np.ndarray:
-        """Return the coordinates in m, then their rates in m/s."""
+        """Return the coordinates in m, followed by their rates in m/s."""
         names = [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
         return self.get(*(f"{kind}.{name}" for kind in "qv" for name in names))
 
     def step(self, end: float) -> tuple[bool, bool]:
-        """Do a step to a time; return whether there is an event, and whether it ended early."""
+        """Advance to a time and return (whether there is an event, whether the step ended early)."""
         flags, last = [c_bool() for _ in range(3)], c_double()
         step = c_double(self.time), c_double(end - self.time), c_bool(True)
         self.call("DoStep", *step, *map(byref, flags), byref(last))
@@ -89,7 +89,7 @@ class Instance:
         return flags[0].value, early
 
     def run(self, end: float, step: float) -> "Instance":
-        """Run to a time by communication steps of one length; the last one may be shorter."""
+        """Advance to a time by equal communication steps; the last one may be shorter."""
         start, count = self.time, max(round((end - self.time) / step + 0.49), 1)
         for i in range(1, count + 1):
             self.step(end if i == count else start + i * step)
@@ -113,7 +113,7 @@ class Instance:
         return bytes(text)
 
     def restore(self, state: bytes, time: float) -> "Instance":
-        """Set the whole state from bytes of `serialised`."""
+        """Restore the whole state from the bytes of `serialised`."""
         copy = c_void_p()
         text = (c_uint8 * len(state))(*state)
         self.call("DeserializeFMUState", text, c_size_t(len(state)), byref(copy))

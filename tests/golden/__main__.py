@@ -12,7 +12,7 @@ from tests.workflow.project import recorded_run
 
 
 def renew_numbers(results):
-    """Write what differs from the golden data of these results, and print it."""
+    """Replace golden data that differ from these results, and print the differences."""
     names = data.datasets(results)
     for name in names:
         dataset = data.compared_part(results / name)

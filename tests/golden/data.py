@@ -16,56 +16,58 @@ from gearlib.data import variables
 
 FOLDER = Path(__file__).with_name("data")
 
-#: Samples of a time history that are stored at most, evenly spread.
+#: Largest number of samples of a time history that are stored, evenly spread.
 MAX_SAMPLES = 64
-#: Attributes of datasets that figures show.
+#: Attributes of datasets that appear in figures.
 SHOWN = {"variable", "amplitude", "stage", "load_case"}
 
-#: How much a fraction of time may differ for a motion that does not settle.
+#: Largest difference of a fraction of time for a motion that does not settle.
 UNSETTLED_FRACTION = 0.5
 
-#: Variables that are compared for motions that do not settle too.
+#: Variables that are compared even for motions that do not settle.
 LABELS = ("period", "label", "status")
 
 
 class Tolerance(NamedTuple):
-    """Largest relative and absolute difference, and the share of numbers that may exceed it."""
+    """Largest relative and absolute difference, and the fraction of numbers that may exceed it."""
 
     relative: float
     absolute: float
     exceptions: float = 0.0
 
 
-#: Settled motions carry rounding only; exp and sin differ between processors.
+#: Settled motions differ by rounding only; exp and sin differ between processors.
 ROUNDING = Tolerance(1e-9, 1e-9)
 #: Counts, labels and flags.
 EXACT = Tolerance(0.0, 0.0)
 
-#: (pattern of the dataset, patterns of its variables) -> tolerance; the first that fits counts.
-#: They were found by moving the parameters of the gear pair by one unit in the last place.
+#: Tolerances by patterns of the dataset and of its variables; the first that fits applies.
+#: They follow from changes of the gear pair's parameters by one unit in the last place.
 TOLERANCES = {
     # Steps are chosen from errors of the size of rounding: up to 4 % more or fewer.
     ("*", "evaluations *_evaluations cost"): Tolerance(0.1, 0.0),
-    # Without damping multipliers lie on the unit circle, and where two meet they part with the
-    # square root of rounding; beyond, the branch may go on to another orbit.
+    # Without damping multipliers lie on the unit circle. Where two of them meet, they separate by
+    # the
+    # square root of rounding, and beyond this point the branch may continue on another orbit.
     ("branches/conservative.nc", "*"): Tolerance(1e-6, 1e-6, exceptions=0.15),
-    # Where two multipliers meet they part with the square root of rounding.
+    # Where two multipliers meet, they differ by the square root of rounding.
     ("loci.nc", "multiplier_*"): Tolerance(1e-6, 1e-6),
-    # Soft bearings of six degrees let rounding grow for long, and without end in one of the four
-    # models; the change against that model is one of two of the four.
+    # On soft bearings rounding grows for a long time, and in one of the four models without end.
+    # Two
+    # of the four changes refer to this model.
     ("models/fig8_*", "value"): Tolerance(1e-4, 1e-9, exceptions=0.25),
     ("models/fig8_*", "change"): Tolerance(1e-4, 1e-9, exceptions=0.5),
-    # Oil damps in free flight alone: motions settle slowly or never.
+    # If only oil damps the motion, in free flight, motions settle slowly or never.
     ("nonlinear_damping/oil_*", "period jump jump_size peak peak_tuning lost_from lost_to"): (
         Tolerance(0.05, 0.0, exceptions=0.1)
     ),
-    # Digits left of chaos, and averages over it; the label itself is exact.
+    # Chaotic motions have few reliable digits and inexact averages, but their label is exact.
     ("labels/*", "digits exponent uncertainty"): Tolerance(0.1, 2.0),
 }
 
 
 def tolerance_of(dataset_name, variable):
-    """Return the `Tolerance` of a variable of the dataset at this path below results/."""
+    """Return the `Tolerance` of a variable of a dataset, given by its path below results/."""
     for (datasets, names), tolerance in TOLERANCES.items():
         fits = any(fnmatch(str(variable.name), name) for name in names.split())
         if fits and fnmatch(dataset_name, datasets):
@@ -74,7 +76,7 @@ def tolerance_of(dataset_name, variable):
 
 
 def datasets(results):
-    """Return the datasets behind the figures, as paths below the folder `results`, sorted.
+    """Return the sorted paths, below the folder `results`, of the datasets behind the figures.
 
     Shards that are gathered (``x/`` beside ``x.nc``) and wall times are left out.
     """
@@ -88,7 +90,7 @@ def datasets(results):
 
 
 def compared_part(path):
-    """Return what is compared of the dataset at `path`: no times, no messages, few samples."""
+    """Return the compared part of a dataset, without times and messages and with few samples."""
     with xr.open_dataset(path) as file:
         dataset = file.load()
     times = [name for name, variable in dataset.items() if variable.attrs.get("units") == "s"]
@@ -103,7 +105,7 @@ def compared_part(path):
 
 
 def write(dataset, path):
-    """Write golden data; netCDF-3, whose files have no overhead for each variable."""
+    """Write golden data as netCDF-3, whose files have no overhead for each variable."""
     path.parent.mkdir(parents=True, exist_ok=True)
     for variable in dataset.variables.values():
         variable.encoding.clear()
@@ -123,24 +125,24 @@ def read(name):
 
 
 def settled(dataset):
-    """Return where motions settled, a bool array, or None where the dataset does not say.
+    """Return whether each motion has settled, as a bool array, or None if the dataset does not say.
 
-    A sweep up or down hands its state on, so the motion after one that did not settle may be
-    another of several.
+    A sweep up or down passes its state on, so that the motion after an unsettled one may also
+    differ.
     """
     if "period" not in dataset:
         return None
     periodic = dataset.period > 0
     if "tuning" in periodic.dims and "direction" in dataset.coords:
-        before = periodic.shift(tuning=1, fill_value=True)
-        after = periodic.shift(tuning=-1, fill_value=True)
-        periodic &= before | (dataset.direction != "up")
-        periodic &= after | (dataset.direction != "down")
+        previous_settled = periodic.shift(tuning=1, fill_value=True)
+        next_settled = periodic.shift(tuning=-1, fill_value=True)
+        periodic &= previous_settled | (dataset.direction != "up")
+        periodic &= next_settled | (dataset.direction != "down")
     return periodic
 
 
 def differences(name, golden, dataset):
-    """Return a sentence for each variable of the dataset `name` that differs too much."""
+    """Return a sentence for each variable of a dataset that differs by more than its tolerance."""
     if golden.variables.keys() - dataset.variables or dataset.data_vars.keys() - golden.variables:
         return [f"{name}: variables {[*golden.variables]} are now {[*dataset.variables]}"]
     if golden.sizes != dataset.sizes:
@@ -151,7 +153,10 @@ def differences(name, golden, dataset):
 
 
 def _difference(dataset_name, golden, variable, periodic):
-    """Return a sentence on how a variable differs, "" where it is near enough."""
+    """Return a sentence on the difference of a variable, or "" if it is within the tolerance.
+
+    `periodic` tells which motions have settled, or is None; others are compared loosely.
+    """
     place = f"{dataset_name}: {golden.name}"
     if golden.dims != variable.dims:
         return f"{place} had the dimensions {golden.dims}, has {variable.dims}"
@@ -164,20 +169,20 @@ def _difference(dataset_name, golden, variable, periodic):
     tolerance = tolerance_of(dataset_name, golden)
     old, new = golden.values.astype(float), variable.values.astype(float)
     with np.errstate(invalid="ignore"):
-        far = np.abs(new - old) > tolerance.absolute + tolerance.relative * np.abs(old)
-        far |= np.isfinite(old) != np.isfinite(new)
+        differs = np.abs(new - old) > tolerance.absolute + tolerance.relative * np.abs(old)
+        differs |= np.isfinite(old) != np.isfinite(new)
         if (
             golden.name not in LABELS
             and periodic is not None
             and {*periodic.dims} <= {*golden.dims}
         ):
-            loose = ~periodic.broadcast_like(golden).transpose(*golden.dims).values
-            widely = np.abs(new - old) > UNSETTLED_FRACTION
-            far &= ~loose | (widely if "fraction" in str(golden.name) else False)
-    if far.sum() <= tolerance.exceptions * far.size:
+            is_unsettled = ~periodic.broadcast_like(golden).transpose(*golden.dims).values
+            differs_widely = np.abs(new - old) > UNSETTLED_FRACTION
+            differs &= ~is_unsettled | (differs_widely if "fraction" in str(golden.name) else False)
+    if differs.sum() <= tolerance.exceptions * differs.size:
         return ""
-    index = np.unravel_index(np.argmax(far), far.shape)
+    index = np.unravel_index(np.argmax(differs), differs.shape)
     return (
-        f"{place}: {far.sum()} of {far.size} numbers moved, at {tuple(map(int, index))} "
+        f"{place}: {differs.sum()} of {differs.size} numbers moved, at {tuple(map(int, index))} "
         f"from {old[index]:.17g} to {new[index]:.17g}; allowed are {tolerance}"
     )

@@ -17,7 +17,7 @@ from tests.workflow.project import ROOT
 
 FOLDER = Path(__file__).with_name("figures")
 
-#: Root of the mean squared difference of pixels (0 to 255); another dash of one line gives 1.5.
+#: Largest root-mean-square difference of pixels (0 to 255). A changed dash of a line gives 1.5.
 MAX_DIFFERENCE = 0.5
 
 
@@ -43,12 +43,12 @@ def _below(folder, paths):
 
 
 def _write_results(results):
-    """Write the golden data where the jobs have their inputs."""
+    """Write golden data to the places where the jobs expect their inputs."""
     for path in data.FOLDER.rglob("*.nc"):
         name = path.relative_to(data.FOLDER)
         data.write(data.read(name), results / name)
     for path in results.rglob("errors*.nc"):
-        # Wall times are no golden data: they follow from the numbers of evaluations.
+        # Wall times are not part of golden data, and are made up from the numbers of evaluations.
         errors = data.read(path.relative_to(results))
         evaluations = [str(name) for name in errors if str(name).endswith("_evaluations")]
         times = {
@@ -66,14 +66,14 @@ def stored(folder=FOLDER):
 
 
 def difference(name, pictures, folder=FOLDER):
-    """Return how a picture differs from the one stored in a folder, None where it does not."""
+    """Return how a picture differs from the stored one of its name, or None if it does not."""
     if name not in stored(folder):
         return f"{name}: new"
     return compare_images(folder / f"{name}.png", pictures / f"{name}.png", tol=MAX_DIFFERENCE)
 
 
 def renew(pictures, folder=FOLDER):
-    """Store pictures that differ from the stored ones of a folder, and print what has changed."""
+    """Replace stored pictures that differ from new ones, and print the changes."""
     folder.mkdir(exist_ok=True)
     for name in stored(pictures):
         if change := difference(name, pictures, folder):

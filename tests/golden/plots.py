@@ -108,7 +108,7 @@ def fit():
 
 
 def _write_set(folder, data, columns, **more):
-    """Write columns of a dataset as a measured set; return the path of its description."""
+    """Write columns of a dataset as a measured set and return the path of its description."""
     folder = Path(folder)
     table = np.column_stack([data[name].values for name in columns])
     np.savetxt(folder / "rig.csv", table, delimiter=",", header=",".join(columns), comments="")
@@ -120,7 +120,7 @@ def _write_set(folder, data, columns, **more):
 
 
 def measured_orders():
-    """Orders of a measured run-up beside those of two models, one of which is that of the data."""
+    """Draw orders of a measured run-up beside two models, one of which made the data."""
     rig = synthetic_rig(PAPER, [(0.0, PAPER.speed(0.6)), (0.4, PAPER.speed(0.72))], 1)
     columns = {"time": "s", "speed": "rpm", "displacement": "m"}
     pairs = {"true": PAPER, "damped": PAPER.replace(material_damping=8e3)}
@@ -131,7 +131,7 @@ def measured_orders():
 
 
 def measured_courses():
-    """A measured course at a constant speed beside that of its model."""
+    """Draw a measured time history at constant speed beside that of its model."""
     run = simulate(PAPER, 0.7, periods=248, record_periods=8, samples_per_period=40)
     time = run.phase / run.mesh_frequency
     data = {"time": time, "displacement": run.displacement * run.static_deflection}
@@ -157,7 +157,7 @@ def draw(name, folder):
     """Draw a picture of PLOTS into a folder."""
     pyplot.switch_backend("Agg")
     drawn = PLOTS[name]()
-    # Some functions return axes, some a figure.
+    # Some functions return axes, others a figure.
     figure = getattr(drawn, "figure", drawn)
     figure.set_dpi(60)
     style.save(figure, folder / f"{name}.png")

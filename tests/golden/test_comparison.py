@@ -8,7 +8,7 @@ from tests.golden import data
 
 
 def sweep_up():
-    """Return a sweep of four tunings, whose third motion has no period."""
+    """Return an upward sweep of four tunings, whose third motion has not settled."""
     names = ("displacement_max", "contact_loss_fraction")
     values = {name: ("tuning", np.array([0.1, 0.2, 0.3, 0.4])) for name in names}
     values["period"] = ("tuning", np.array([1, 2, 0, 1]))
@@ -23,7 +23,7 @@ def sweep_up():
         ("displacement_max", 0, 1e-6, True),
         ("displacement_max", 0, np.nan, True),
         ("displacement_max", 2, 5.0, False),
-        # The motion after one that did not settle.
+        # This motion follows the one that has not settled.
         ("displacement_max", 3, 5.0, False),
         ("contact_loss_fraction", 2, 0.01, False),
         ("contact_loss_fraction", 2, 0.6, True),

@@ -39,8 +39,8 @@ def cuts_of(equations, piece):
 def first_codes(equations, piece, state, middle):
     """Return (contact codes of a start, sides on whose flank line it lies).
 
-    On a flank line the motion decides: the side gets contact if the motion goes towards it. `middle`
-    is a phase within the first step, see `Step`.
+    On a flank line the motion decides: the side gets contact if the motion goes towards it.
+    `middle` is a phase within the first step, see `Step`.
     """
     codes, on_line, q = [0] * len(equations.contacts), set(), state[: equations.n]
     sides = [
@@ -62,9 +62,9 @@ def first_codes(equations, piece, state, middle):
 def _first_event(step, crossed, longest):
     """Return (time, end) of the first event of a step, with the end None if there is none.
 
-    An end is (side or "turn", contact, next code); "turn" is a zero of the rate. `crossed` holds the
-    sides whose flank line the motion has just crossed, and "turn" if its rate is 0. `longest` is the
-    length of the step.
+    An end is (side or "turn", contact, next code); "turn" is a zero of the rate. `crossed` holds
+    the sides whose flank line the motion has just crossed, and "turn" if its rate is 0. `longest`
+    is the length of the step.
     """
     equations, first_event = step.equations, (longest, None)
     for j, (contact, code) in enumerate(step.contacts):
@@ -95,8 +95,8 @@ class Motion:
     """A motion along `Piece`s from a state in units, with times theta.
 
     `codes` are the contacts at the start, or None to derive them from the state. Extrema and
-    durations are taken from the time `record_from` on, and samples at the rising `sample_times`. The
-    attribute `cuts` has the times at which stiffness or sliding may switch.
+    durations are taken from the time `record_from` on, and samples at the rising `sample_times`.
+    The attribute `cuts` has the times at which stiffness or sliding may switch.
     """
 
     def __init__(self, equations, pieces, state, codes=None, record_from=math.inf, sample_times=()):

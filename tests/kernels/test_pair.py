@@ -28,7 +28,7 @@ def test_elementary_functions_match_the_c_library():
 
 @pytest.mark.parametrize(("level", "start"), CASES)
 def test_contact_follows_its_equation_and_turns_where_its_velocity_is_zero(level, start):
-    """Compare the motion in contact with the matrix exponential, and its turning time with v = 0."""
+    """Compare motions in contact with the matrix exponential, and turning times with v = 0."""
     times = np.linspace(0.0, 6.0, 601)
     states = np.array([motion.evolve(level, *start, t) for t in times])
     matrix = np.array([[0.0, 1.0], [-level.natural_squared, -2.0 * level.decay_rate]])

@@ -31,7 +31,8 @@ def random_mesh(rng):
     coast_line = -ratios["backlash_ratio"] if math.isfinite(ratios["backlash_ratio"]) else 0.0
     state = choose(rng.uniform(-6.0, 4.0), 0.0, coast_line), choose(rng.uniform(-3.0, 3.0), 0.0)
     if rng.random() < 0.25 and ratios["contact_ratio"] > 1.05:
-        # Integration backwards from a minimum next to the drive-side flank line gives a grazing motion.
+        # Integration backwards from a minimum next to the drive-side flank line gives a grazing
+        # motion.
         stiffness_ratio, contact_ratio = ratios["stiffness_ratio"], ratios["contact_ratio"]
         mean = stiffness_ratio + (1 - stiffness_ratio) * (contact_ratio - 1)
         minimum = float(rng.choice([-1, 1]) * 10 ** rng.uniform(-11, -3))
@@ -58,7 +59,8 @@ def test_no_event_of_a_random_mesh_is_missed_or_invented(seed):
         nudged = simulate(pair, tuning, initial_state=(state[0], state[1] + 1e-12), **options)
         case = (ratios, tuning, state)
         assert int(run.status) == 0, case
-        # A change of the initial velocity by 1e-12 has a larger effect than rounding. If this effect
+        # A change of the initial velocity by 1e-12 has a larger effect than rounding. If this
+        # effect
         # is large, the motion is too sensitive for a comparison of events.
         spread = float(abs(nudged.final_state - run.final_state).max())
         scale = 1.0 + abs(float(x)) + abs(float(v))

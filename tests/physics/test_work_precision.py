@@ -11,7 +11,8 @@ from tests.paper import CONFIG, PAPER
 PAIR, SIX = PAPER, CONFIG["six_degrees"]
 SETTINGS = load(CONFIG).model_dump()["work_precision"]
 SETTINGS |= {"periods": 4, "record_periods": 3}
-#: Bounds of errors of states and of phases of events. They allow for the rounding of a hundred arcs,
+#: Bounds of errors of states and of phases of events. They allow for the rounding of a hundred
+#: arcs,
 #: which without damping grows at most tenfold with every bounce.
 STATE, PHASE = 1e-13, 1e-12
 #: Bounds for six degrees of freedom. Their bearings are displaced by 33 static deflections, where

@@ -26,7 +26,8 @@ def propagate(
 ):  # fmt: skip
     """Return the motion of a pair over some mesh periods from a state (x, v), in 50 digits.
 
-    It is a list of the last state (x, v) and of events (phase, contact before, contact after, v).
+    The list has the final state (x, v), followed by events (phase, contact before, contact after,
+    v).
     """
     with mpmath.workdps(50):
         epsilon, kappa = mpmath.mpf(contact_ratio), mpmath.mpf(stiffness_ratio)
@@ -54,7 +55,7 @@ def propagate_pair(pair, tuning, periods, state=(0.0, 0.0)):
 
 
 def free_map(decay, square, t):
-    """Return the map of (x, x') over t of x'' + 2 decay x' + square x = 0, in closed form."""
+    """Return the map of (x, x') over the time t for x'' + 2 decay x' + square x = 0."""
     root = mpmath.sqrt(mpmath.mpc(decay * decay - square))
     cosh, sinh = mpmath.cosh(root * t), mpmath.sinh(root * t) / root if root else t
     rows = [[cosh + decay * sinh, sinh], [-square * sinh, cosh - decay * sinh]]
@@ -62,7 +63,7 @@ def free_map(decay, square, t):
 
 
 def contact_map(contact_ratio, stiffness_ratio, damping, tuning):
-    """Return the map of (x, dx/dtau) over a mesh period without loss of contact, a 2x2 matrix.
+    """Return the map of (x, dx/dtau) over a mesh period without contact loss, a 2x2 matrix.
 
     The period begins in the middle of double contact, which lasts `half` before and after it.
     """
@@ -77,7 +78,7 @@ def contact_map(contact_ratio, stiffness_ratio, damping, tuning):
 
 
 def from_rest(decay, square, load, x, t):
-    """Return (x, x') after t of x'' + 2 decay x' + square x = load from rest at x."""
+    """Return (x, x') at the time t for x'' + 2 decay x' + square x = load, from rest at x."""
     with mpmath.workdps(50):
         decay, square, load, x, t = map(mpmath.mpf, (decay, square, load, x, t))
         matrix = free_map(decay, square, t)
@@ -88,11 +89,11 @@ def from_rest(decay, square, load, x, t):
 
 
 class Stored:
-    """The references of one test module, a file of their own."""
+    """The stored references of one test module, in a file of their own."""
 
-    #: All of them.
+    #: All instances.
     known: list = []
-    #: Whether everything is computed and kept, for `python -m tests.references`.
+    #: Whether references are computed and recorded, as by `python -m tests.references`.
     recording = False
 
     def __init__(self, name):
@@ -102,7 +103,7 @@ class Stored:
         Stored.known.append(self)
 
     def rows(self, function, *arguments):
-        """Return the rows of numbers, tuples, that a function of 50 digits returns."""
+        """Return the rows of numbers of a function of 50 digits, stored ones if possible."""
         key = key_of(function, *arguments)
         if Stored.recording:
             self.recorded[key] = texts(function(*arguments))
@@ -113,14 +114,14 @@ class Stored:
         return [tuple(map(mpmath.mpf, row.split())) for row in known[key]]
 
     def write(self):
-        """Write what was recorded, one line for each reference."""
+        """Write the recorded references, one line for each."""
         lines = [f"{json.dumps(key)}: {json.dumps(self.recorded[key])}" for key in self.recorded]
         text = ",\n".join(sorted(lines))
         self.path.write_text(f"{{\n{text}\n}}\n", encoding="utf-8")
 
 
 def key_of(function, *arguments):
-    """Return the key of a reference: a digest of the very floats."""
+    """Return the key of a reference, a digest of the exact arguments."""
     return hashlib.sha256(repr((function.__name__, *arguments)).encode()).hexdigest()[:16]
 
 

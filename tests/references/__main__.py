@@ -15,6 +15,7 @@ MODULES = ["tests/physics/test_random_meshes.py", "tests/physics/test_sensitivit
 
 
 def main():
+    """Run tests with recording on, and write the references that they ask for."""
     Stored.recording = True
     chosen = sys.argv[1:]
     code = pytest.main(["-p", "no:xdist", "-q", *(chosen or MODULES)])

@@ -67,14 +67,15 @@ BRANCH.label[0] = 2  # so that a search may start here: the label of a period do
 RUN = g.simulate(DAMPED, 0.9, periods=24, record_periods=24)
 SPREAD, FREE = {"load": {"std": "1 %"}}, {"reduced_mass": (3.0, 3.2)}
 JUMP = xr.Dataset({"jump_up": ((), 3300.0, {"units": "min-1", "noise_std": 1.0})})
-#: What no parameter takes: other types, nested and unhashable values, tables of other contents.
+#: Values that no parameter accepts: other types, nested and unhashable values, other tables.
 TAKEN_BY_NONE = [object(), 1j, {"a": []}, [["a"]], np.array([["a"], [1]]), xr.Dataset({"a": 1})]
 NAMES = PUBLIC | vars(math) | vars(known_models) | globals()
 
 
 def set_at_path(content, path, value):
-    """Set a value at a path such as `scenes.k1.cases[0].tuning`, in place; None removes the key."""
-    # Keys are separated by dots, indices stand in brackets; a number as a key has no path below it.
+    """Set a value at a path such as `scenes.k1.cases[0].tuning` in place; None removes the key."""
+    # Keys are separated by dots and indices are in brackets. A key that is a number is a path
+    # itself.
     parts = re.findall(r"([^.[\]]+)(?!\])|\[(\d+)\]", path) if isinstance(path, str) else []
     *parents, key = [int(index) if index else name for name, index in parts] or [path]
     for part in parents:
@@ -83,24 +84,24 @@ def set_at_path(content, path, value):
 
 
 def pairs(base):
-    """Return (what is wrong, sentence) of the rows of a base."""
+    """Return (change, sentence) of each row of a base."""
     return [row.split(" | ") for row in ROWS[base].splitlines()]
 
 
 def undeclared(call):
-    """Return (function, arguments, names of those without declaration) of a call in words."""
+    """Parse a call and return (function, arguments, names of undeclared arguments)."""
     tree = ast.parse(call, mode="eval").body
     function = eval(ast.unparse(tree.func), NAMES)  # noqa: S307
     values = [eval(ast.unparse(x), NAMES) for x in tree.args]  # noqa: S307
     named = {x.arg: eval(ast.unparse(x.value), NAMES) for x in tree.keywords}  # noqa: S307
-    given = dict(zip(inspect.signature(function).parameters, values, strict=False)) | named
+    arguments = dict(zip(inspect.signature(function).parameters, values, strict=False)) | named
     declared = declared_parameters(getattr(function, "func", function))
-    return function, given, [name for name in given if name not in declared]
+    return function, arguments, [name for name in arguments if name not in declared]
 
 
 @pytest.mark.parametrize(("base", "change", "sentence"), [(x, *y) for x in FILES for y in pairs(x)])
 def test_inconsistent_files_are_refused_in_one_sentence(base, change, sentence):
-    # A copy in which no two parts are the same object.
+    # A copy by JSON shares no object between two places.
     content, changes = json.loads(json.dumps(FILES[base])), yaml.safe_load(change)
     for path, value in changes.items() if isinstance(changes, dict) else [(changes, None)]:
         set_at_path(content, path, value)
@@ -124,7 +125,7 @@ def test_values_of_a_wrong_type_are_refused_with_the_parameter_name(call):
     for name, value in product(names, TAKEN_BY_NONE):
         with pytest.raises(ValueError, match="not allowed") as refusal:
             function(**given | {name: value})
-        # Options are named by their keys, such as that of {"a": []}.
+        # Options are named by their key, such as "a" in {"a": []}.
         assert name in str(refusal.value) or str(refusal.value).startswith("a "), refusal.value
 
 

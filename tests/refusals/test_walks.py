@@ -20,9 +20,10 @@ from tests.declarations import CALLS, NAME, children, inside, sections, valid, w
 
 
 def refusals_of_call(call, needed, name, value):
-    """Return the sentences about a value of a parameter in a list."""
+    """Return the sentences that refuse a value of a parameter, in a list."""
     try:
-        with suppress(TypeError):  # functions check what is declared before they miss the rest
+        # Functions check declared parameters before they report missing ones.
+        with suppress(TypeError):
             call(**needed | {name: value})
     except ValueError as error:
         return [str(error)]
@@ -30,7 +31,7 @@ def refusals_of_call(call, needed, name, value):
 
 
 def refusals_of_file(place, content, *changes):
-    """Return the sentences about a file with a content at its place, and one key of it changed."""
+    """Return the sentences that refuse a file with given content, of which one key is changed."""
     changed = content | dict([changes] if changes else [])
     root, file = place({key: value for key, value in changed.items() if value is not None})
     try:
@@ -78,7 +79,7 @@ def test_each_wrong_value_is_refused_in_one_sentence(annotation, place, refusals
 def test_values_just_inside_a_range_are_not_refused_for_it(annotation, place, refusals, text_of):
     words = p.requirement(annotation, text_of is validation.as_text).rpartition("each ")[2]
     for value in inside(annotation, text_of is validation.as_text):
-        # Other sentences are allowed: values of several parameters may not go together.
+        # Other refusals are allowed, because values of several parameters may be inconsistent.
         pattern = rf"{re.escape(place)}\S* = .* must be {re.escape(words)}"
         assert not [text for text in refusals(value) if re.match(pattern, text)]
 
@@ -89,6 +90,7 @@ def test_values_just_inside_a_range_are_not_refused_for_it(annotation, place, re
     ids=[f"{p.dotted(path)} {i}" for i, (path, *_) in enumerate(SECTIONS.values())],
 )
 def test_unknown_and_missing_keys_and_wrong_names_are_refused(path, section, place):
+    """Add an unknown and a misspelt key, and remove each required key of a section."""
     content, keys, base = valid(section), children(section), p.parts(section)[0]
     name, last = p.dotted(path) or "the configuration", [*keys][-1]
     allowed = f"{name} must be {p.requirement(section, in_file=True)}"

@@ -16,7 +16,7 @@ from tests.workflow.project import SNAKEMAKE, Project, few_jobs, small_project
 
 pytestmark = pytest.mark.slow
 
-#: Number of kills; `make torture` asks for more.
+#: Number of kills; `make torture` increases it.
 KILLS = int(os.environ.get("GEARLIB_KILLS", "3"))
 
 SHARD = "results/phase_planes/k1/0.8200.nc"
@@ -35,7 +35,7 @@ if not pathlib.Path("waits").exists():
 
 
 def tiny_project(folder):
-    """Return a project of seven jobs: a phase plane for each of two dampings, the phase lag."""
+    """Return a project of seven jobs: a phase plane for each of two dampings and the phase lag."""
 
     def configure(settings):
         few_jobs(settings, "k1", "k1m")
@@ -49,7 +49,7 @@ def tiny_project(folder):
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
-    """A project after a run that nobody disturbed."""
+    """Return a project after an undisturbed run."""
     project = tiny_project(tmp_path_factory.mktemp("robustness") / "built")
     project.snakemake("-j2")
     return project
@@ -57,16 +57,16 @@ def undisturbed(tmp_path_factory):
 
 @pytest.fixture
 def project(undisturbed, tmp_path):
-    """A copy of the project with all its results."""
+    """Return a copy of the project with all its results."""
     shutil.copytree(undisturbed.folder, tmp_path / "project")
     return Project(tmp_path / "project")
 
 
 @contextmanager
 def started(project):
-    """Give the process of a started workflow, the leader of its jobs; kill what is left at the end.
+    """Start a workflow, yield its process, and kill all remaining jobs at the end.
 
-    The output goes to a file, since jobs that outlive Snakemake would keep a pipe open.
+    The output goes to a file, because jobs that outlive Snakemake would keep a pipe open.
     """
     with (project / "printed.txt").open("w", encoding="utf-8") as printed:
         process = subprocess.Popen(
@@ -87,11 +87,11 @@ def started(project):
 
 
 def running_jobs(process):
-    """Return the process ids of the running scripts of a workflow."""
+    """Return the process ids of the running job scripts of a workflow."""
     scripts = []
     for status in Path("/proc").glob("[0-9]*/stat"):
         try:
-            # Fields after the name of the command: state, parent, group.
+            # The fields after the name of the command are state, parent and group.
             group = int(status.read_text().rpartition(")")[2].split()[2])
             command = status.with_name("cmdline").read_bytes()
         except OSError:
@@ -108,14 +108,14 @@ def wait_until(condition, process):
 
 
 def replace(project):
-    """Put the result of another configuration into the place of a result."""
+    """Replace a result by that of another configuration."""
     times = os.stat(project / SHARD)
     shutil.copyfile(project / OTHER_SHARD, project / SHARD)
-    # One microsecond earlier, the date alone does not tell Snakemake that the file is another one.
+    # The new date is one microsecond earlier, so that it does not look newer to Snakemake.
     os.utime(project / SHARD, ns=(times.st_atime_ns, times.st_mtime_ns - 1000))
 
 
-#: Change of results -> the rules whose jobs run then; None: all.
+#: Damage of results, and the rules whose jobs run after it; None means all rules.
 HARM = {
     "a result of another configuration": (
         replace,
@@ -149,7 +149,7 @@ def test_a_damaged_file_with_its_old_date_is_named_when_read(project):
 
 @contextmanager
 def small_disk(folder, size):
-    """Mount a small disk at a folder, with what is in the folder; copy it back at the end."""
+    """Mount a small disk at a folder with the folder's content, and copy it back at the end."""
     if os.geteuid() != 0:
         pytest.skip("only root can mount a small disk")
     backup = folder.with_name("backup")
@@ -196,7 +196,7 @@ def test_a_second_workflow_is_refused_and_ctrl_c_ends_the_jobs_of_the_first(proj
     with (project / FIGURE_SOURCE).open("a", encoding="utf-8") as source:
         source.write(WAIT)
     with started(project) as process:
-        # A job runs, so the locks are written.
+        # When a job runs, the locks are set.
         wait_until((project / "waits").exists, process)
         printed = project.snakemake("-j2", succeed=False)
         assert "cannot be locked" in printed and "Traceback" not in printed
@@ -206,7 +206,7 @@ def test_a_second_workflow_is_refused_and_ctrl_c_ends_the_jobs_of_the_first(proj
 
 
 def test_killed_workflows_lose_no_results(undisturbed, tmp_path):
-    """Kill a job, Snakemake alone (its jobs go on) or everything, and start again."""
+    """Kill a job, Snakemake alone, whose jobs continue, or everything, and start again."""
     project, dice = tiny_project(tmp_path / "project"), random.Random(20070414)
     for number in range(KILLS):
         with started(project) as process:

@@ -45,7 +45,7 @@ PartitionName=all Nodes={host} Default=YES MaxTime=INFINITE State=UP
 
 
 def reason_against():
-    """Return the reason why no Slurm can be started here, or None."""
+    """Return the reason why Slurm cannot be started here, or None if it can."""
     path = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])
     missing = [name for name in PROGRAMS if shutil.which(name, path=path) is None]
     if missing:
@@ -57,7 +57,7 @@ def reason_against():
 
 @contextmanager
 def one_node():
-    """Start Slurm, give the environment in which its commands find it, and stop it again."""
+    """Start Slurm on this machine, yield the environment for its commands, and stop it."""
     folder = Path(tempfile.mkdtemp(prefix="slurm-"))
     environment = {
         **os.environ,
@@ -97,8 +97,8 @@ _MUNGE_FILES = {
 
 
 def _write_slurm_folder(folder):
-    """Write the configuration, the key of munged and a wrapper of srun."""
-    # munged wants a socket that every user can reach, and a key that no other can read.
+    """Write the configuration, the key of munged and a wrapper of srun into a folder."""
+    # munged requires a socket that every user can reach and a key that no other user can read.
     folder.chmod(0o755)
     for name in ("munge", "state", "spool", "bin"):
         (folder / name).mkdir(mode=0o755)
@@ -113,8 +113,8 @@ def _write_slurm_folder(folder):
         memory=2100 * os.cpu_count(),  # MB, of which the profile asks 2000 for a job
     )
     (folder / "slurm.conf").write_text(text, encoding="utf-8")
-    # Inside a job the executor plugin removes all variables SLURM_*, the place of the
-    # configuration among them, before it calls srun.
+    # Inside a job the executor plugin removes all variables SLURM_*, including the path of the
+    # configuration, before it calls srun.
     srun = folder / "bin" / "srun"
     real = shutil.which("srun", path=os.environ["PATH"])
     srun.write_text(f'#!/bin/sh\nSLURM_CONF={folder}/slurm.conf exec {real} "$@"\n')
@@ -122,6 +122,7 @@ def _write_slurm_folder(folder):
 
 
 def _free_ports(count):
+    """Return numbers of free ports."""
     sockets = [socket.socket() for _ in range(count)]
     for unbound in sockets:
         unbound.bind(("127.0.0.1", 0))
@@ -132,7 +133,8 @@ def _free_ports(count):
 
 
 def _start(command, environment, folder):
-    # The daemon ends with this process, however that ends.
+    """Start a daemon that ends with this process."""
+    # The kernel sends the signal however this process ends.
     command = ["setpriv", "--pdeathsig=TERM", *command]
     with open(folder / f"{command[2]}.out", "wb") as log:
         return subprocess.Popen(
@@ -141,12 +143,13 @@ def _start(command, environment, folder):
 
 
 def _output(command, environment):
+    """Return the output of a command."""
     options = {"env": environment, "capture_output": True, "text": True, "timeout": 300}
     return subprocess.run(command, **options).stdout
 
 
 def _wait(ready, folder, seconds=300):
-    """Wait until `ready()` is true; an error after some seconds shows the logs of the daemons."""
+    """Wait until `ready()` is true, or raise an error with the logs of the daemons."""
     end = time.monotonic() + seconds
     while not ready():
         if time.monotonic() > end:

@@ -12,7 +12,7 @@ TARGETS = ["results/resonance.nc", "results/figures/fig2_phase_shift.png"]
 
 @pytest.fixture(scope="module")
 def slurm():
-    """The environment in which commands find a running Slurm."""
+    """Return the environment in which commands find a running Slurm."""
     pytest.importorskip("snakemake_executor_plugin_slurm", reason="the extra `slurm` is missing")
     if reason := cluster.reason_against():
         pytest.skip(reason)
@@ -21,14 +21,14 @@ def slurm():
 
 
 def only_a_few_jobs(settings):
-    """Leave one damping, a window and an upward sweep: a job costs seconds on Slurm."""
+    """Reduce a configuration to few jobs, because each job takes seconds on Slurm."""
     few_jobs(settings, "k1")
     settings["resonance"] |= {"directions": ["cold", "up"]}
     settings["targets"] = ["phase_lag", "resonance"]
 
 
 def results(project):
-    """Return path -> content of the result files without the provenance, which has the time."""
+    """Return the contents of result files by path, without the provenance, which has dates."""
     return {path: text for path, text in project.results().items() if "provenance" not in path}
 
 
@@ -38,8 +38,8 @@ def test_jobs_on_slurm_write_the_same_bytes_as_local_jobs(slurm, tmp_path):
     for project in (here, there):
         project.configure(only_a_few_jobs)
     here.snakemake("-j2", *TARGETS)
-    # Slurm has no accounting here. A question for the status before a job has ended is repeated ten
-    # seconds later, so the first one comes after 9 s.
+    # Slurm has no accounting here. The status of a job that still runs is asked for again after ten
+    # seconds, so that the first question is delayed by 9 s.
     printed = there.snakemake(
         *TARGETS,
         "--profile=profiles/slurm",
@@ -50,7 +50,7 @@ def test_jobs_on_slurm_write_the_same_bytes_as_local_jobs(slurm, tmp_path):
         **slurm,
     )
     jobs = printed.count("has been submitted with SLURM jobid")
-    # Kernels; a window and an upward sweep; gathering; the lag and its figure.
+    # The jobs are kernels, a window, an upward sweep, gathering, the phase lag and its figure.
     assert jobs == 1 + 2 + 1 + 2, printed
     assert results(there) == results(here)
     assert set(TARGETS) <= set(here.results())

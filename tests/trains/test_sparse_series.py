@@ -39,7 +39,7 @@ def motion(train, tuning, state, mode_cost, periods=2):
 
 
 def many_planets():
-    """Return (train, tuning, state) in which all of eight planets lose contact at different times."""
+    """Return (train, tuning, state) in which eight planets lose contact at different times."""
     train = gearlib.planetary(planets=8, teeth=(73, 271), stiffness_ratio=(0.7, 0.7))
     state, n = np.array(train.start_state("static")), train.size // 2
     state[:n] += 2.0 * np.sin(1.7 * np.arange(n))

@@ -385,7 +385,7 @@ def test_a_jump_is_a_single_large_step():
 
 
 def test_harmonics_of_a_synthetic_time_history_are_recovered(written):
-    """Amplitudes and phases relative to the first harmonic must be those of the synthetic signal."""
+    """Amplitudes, and phases relative to the first harmonic, must equal the synthetic ones."""
     amplitudes, phases = np.array([5.0, 2.0, 1.0, 0.5, 0.25]), np.array([0.4, 1.0, -0.7, 2.0, 0.1])
     orders, rate = np.arange(1, 6), 2.0 * np.pi * 3333.0 / 60.0 * 24
     time = np.sort(np.random.default_rng(3).uniform(0.0, 1.0, 3000))

@@ -22,12 +22,12 @@ pytestmark = pytest.mark.slow
 
 
 def run(*command, **options):
-    """Run a command and return what it printed."""
-    done = subprocess.run(
+    """Run a command, assert that it succeeds, and return its output."""
+    process = subprocess.run(
         [*map(str, command)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options
     )
-    assert done.returncode == 0, done.stdout
-    return done.stdout
+    assert process.returncode == 0, process.stdout
+    return process.stdout
 
 
 def install(python, *packages):
@@ -37,13 +37,13 @@ def install(python, *packages):
 
 
 def new_environment(folder):
-    """Create an environment without packages; return the path of its Python."""
+    """Create an environment without packages and return the path of its Python."""
     venv.create(folder, symlinks=True)
     return folder / "bin/python"
 
 
 def build_wheel(source, folder):
-    """Build the wheel of a folder or of a source archive, isolated, and return its path."""
+    """Build the wheel of a folder or source archive in isolation and return its path."""
     run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", folder, source)
     (wheel,) = folder.glob("*.whl")
     return wheel
@@ -51,7 +51,7 @@ def build_wheel(source, folder):
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory):
-    """The source archive, built with nothing but what pyproject.toml asks for."""
+    """Return the source archive, built with only the packages that pyproject.toml requires."""
     given = os.environ.get("GEARLIB_DIST")
     folder = Path(given).resolve() if given else tmp_path_factory.mktemp("dist")
     python = new_environment(tmp_path_factory.mktemp("builder"))
@@ -64,13 +64,13 @@ def archive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def wheel(archive):
-    """The wheel from the source archive."""
+    """Return the wheel built from the source archive."""
     return build_wheel(archive, archive.parent)
 
 
 @pytest.fixture(scope="module")
 def python(wheel, tmp_path_factory):
-    """The Python of an environment with the wheel and the packages that it asks for."""
+    """Return the Python of an environment with the wheel and its dependencies."""
     path = new_environment(tmp_path_factory.mktemp("environment"))
     install(path, wheel)
     return path
@@ -78,17 +78,17 @@ def python(wheel, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def python_with_extras(python):
-    """The same Python, which then finds the packages of the workflow in those of the tests."""
-    found = sysconfig.get_path("purelib")
+    """Return the same Python, which also finds the packages of the test environment."""
+    site_packages = sysconfig.get_path("purelib")
     (folder,) = python.parents[1].glob("lib/python*/site-packages")
-    (folder / "extras.pth").write_text(found, encoding="utf-8")
+    (folder / "extras.pth").write_text(site_packages, encoding="utf-8")
     return python
 
 
 @pytest.fixture
 def call(tmp_path):
-    """Call a program in an empty folder; return what it printed."""
-    # Modules are compiled where they are imported, once.
+    """Return a function that runs a program in an empty folder and returns its output."""
+    # Without these variables modules are compiled once, where they are imported.
     unset = ("PYTHONPATH", "NUMBA_CACHE_LOCATOR_CLASSES", "PYTHONDONTWRITEBYTECODE")
     environment = {name: text for name, text in os.environ.items() if name not in unset}
     return lambda *words: run(*words, cwd=tmp_path, env=environment)
@@ -110,7 +110,7 @@ def test_the_workflow_runs_from_the_wheel(call, python_with_extras, tmp_path):
     gearlib("workflow", "-j1", "results/mesh_stiffness.nc")
     assert (tmp_path / "results/mesh_stiffness.nc").stat().st_size > 1000
     assert "Nothing to be done" in gearlib("workflow", "-j1", "results/mesh_stiffness.nc")
-    # Of its own configuration, in place of the installed one.
+    # A configuration in the folder replaces the installed one.
     (tmp_path / "config.yaml").write_text("gear_pair: {}\n", "utf-8")
     with pytest.raises(AssertionError, match="gear_pair"):
         gearlib("workflow", "-n", "paper")

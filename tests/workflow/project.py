@@ -59,7 +59,7 @@ class Project:
         path.write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
 
     def results(self):
-        """Return the contents of all result files by path, without logs, benchmarks and provenance."""
+        """Return the contents of all result files by path, but no logs, benchmarks and provenance."""
         return {
             str(path.relative_to(self.folder)): path.read_bytes()
             for path in sorted((self / "results").rglob("*"))
@@ -108,7 +108,7 @@ def few_jobs(settings, *dampings):
 
 
 def recorded_run(folder):
-    """Run `snakemake -j2` in a new small project and return (project, output, records of jobs)."""
+    """Run `snakemake -j2` in a new small project; return (project, output, job records)."""
     records = folder / "records"
     records.mkdir(parents=True)
     recorder = str(ROOT / "tests/workflow/recorder")
