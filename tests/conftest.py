@@ -1,4 +1,4 @@
-"""Machine code of all test processes: one cache, filled before several workers start."""
+"""One cache of machine code for all test processes, filled before several workers start."""
 
 import multiprocessing
 import os
@@ -31,18 +31,21 @@ def pytest_sessionstart(session):
 
 
 def _matrices():
+    """Run the kernels of trains."""
     from gearlib import planetary, simulate
 
     simulate(planetary(stiffness_ratio=(0.8, 0.8)), 1.0, **RUN)
 
 
 def _pair():
+    """Run the kernels of gear pairs."""
     from gearlib import engines
 
     engines.warm_up()
 
 
 def _taylor():
+    """Run the kernels of Taylor steps."""
     from gearlib import OneDegreePair, simulate
     from tests.paper import PAPER
 
@@ -50,6 +53,7 @@ def _taylor():
 
 
 def _steps():
+    """Run the kernels of step methods."""
     from gearlib import simulate
     from tests.paper import PAPER
 
@@ -57,5 +61,5 @@ def _steps():
         simulate(PAPER, 0.9, method=method, **RUN)
 
 
-#: Those that take longest come first; what shares kernels is one.
+#: Groups of kernels that are compiled independently, the longest first.
 FAMILIES = (_matrices, _pair, _taylor, _steps)

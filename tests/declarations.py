@@ -43,7 +43,10 @@ _PI = {"2 pi": math.tau} | {f"pi / {n}": math.pi / n for n in (2, 3, 4)}
 
 
 def numbers(words):
-    """Return (numbers just outside a range in words and those of no range, numbers just inside)."""
+    """Return (numbers just outside a range, numbers just inside) for a range in words.
+
+    The first list also has numbers that are outside any range.
+    """
     number = int if "integer" in words else float
     outside = [math.nan, *[1.5] * (number is int), *[-math.inf] * ("-inf" not in words)]
     outside += [] if "infin" in words or ".inf" in words else [math.inf]
@@ -59,7 +62,7 @@ def numbers(words):
 
 
 def children(annotation):
-    """Return key -> annotation of a section, or `NAME` -> annotation of the values of a mapping."""
+    """Yield (value, index of the wrong entry, problem) of wrong values of an annotation.
     base, _ = p.parts(annotation)
     if get_origin(base) is dict:
         return {NAME: get_args(base)[1]}
@@ -68,7 +71,7 @@ def children(annotation):
 
 
 def valid(annotation):
-    """Return an allowed value; of a section the one with the required keys only."""
+    """Return an allowed value; a section gets its required keys only."""
     base, words = p.parts(annotation)[0], p.requirement(annotation)
     if p.is_union(base):
         return valid(get_args(base)[0])
@@ -88,7 +91,10 @@ def valid(annotation):
 
 
 def wrong(annotation, text_of):
-    """Yield (value, index of the wrong part in it, problem); texts of values are `text_of` them."""
+    """Yield (value, index of the wrong entry, problem) of wrong values of an annotation.
+
+    `text_of` converts a value to its text in messages, which differs between files and calls.
+    """
     in_file = text_of is validation.as_text
     (base, metadata), words = p.parts(annotation), p.requirement(annotation, in_file)
     if get_origin(base) in (list, tuple):
@@ -116,7 +122,7 @@ def wrong(annotation, text_of):
 
 
 def inside(annotation, in_file):
-    """Yield numbers just inside the range of an annotation, with a unit, as entries of a list."""
+    """Yield numbers just inside the range of an annotation, with units, as entries of lists."""
     base, metadata = p.parts(annotation)
     if base in (int, float):
         yield from numbers(p.requirement(annotation))[1]
@@ -126,7 +132,10 @@ def inside(annotation, in_file):
 
 
 def sections(annotation, place, path=()):
-    """Yield (path, annotation, function that places a content in a file) of all sections."""
+    """Yield (path, annotation, function) of all sections below an annotation.
+
+    The function puts the content of a section into a file.
+    """
     base, _ = p.parts(annotation)
     if p.is_union(base):
         for option in get_args(base):

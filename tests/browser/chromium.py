@@ -36,7 +36,7 @@ def errors(driver):
     return [entry["message"] for entry in driver.get_log("browser") if entry["level"] == "SEVERE"]
 
 
-#: Collects in `found` what matches the selector, the argument of the script, also in shadow roots.
+#: Collects the elements that match a selector, the argument of the script, also in shadow roots.
 _SEARCH = """
     const found = [];
     const search = root => {
@@ -53,13 +53,13 @@ def everywhere(driver, selector):
 
 
 def texts(driver, selector):
-    """Return the texts of the visible elements that match a selector, all at one moment."""
+    """Return the texts of the visible elements that match a selector, at one moment."""
     visible = "return found.filter(e => e.checkVisibility()).map(e => e.innerText);"
     return driver.execute_script(_SEARCH + visible, selector)
 
 
 def wait_for(condition, seconds=300.0):
-    """Wait until a condition gives something true, and return that."""
+    """Wait until a condition returns a true value, and return this value."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if result := condition():

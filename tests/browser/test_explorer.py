@@ -288,32 +288,34 @@ def address(tmp_path_factory):
 
 
 def _note(driver, old=""):
-    """Return the note about the motion; an empty text while the page still shows the old note."""
+    """Return the note about the motion, or "" while the page still shows the old note."""
     notes = (text for text in texts(driver, "p") if "The motion from static equilibrium" in text)
     return next((text for text in notes if text != old), "")
 
 
 def _reachable(driver, address):
-    """Return whether the explorer is shown."""
+    """Return whether the explorer can be opened."""
     try:
         driver.get(address)
-    except Exception:  # the server is not there yet
+    # The server may not have started yet.
+    except Exception:
         return False
     return "gearlib" in driver.title
 
 
 @pytest.mark.slow
 def test_the_page_in_a_browser_follows_sliders_fits_the_window_and_saves(browser, address):
+    """Move a slider, narrow the window and save the configuration in a real browser."""
     wait_for(lambda: _reachable(browser, address))
-    first = wait_for(lambda: _note(browser))
-    # The figures have a canvas or more each, each slider of GEOMETRY has a handle.
+    first_note = wait_for(lambda: _note(browser))
+    # Each figure has at least one canvas, and each slider of GEOMETRY has a handle.
     wait_for(lambda: len(texts(browser, "canvas")) >= 6)
     handles = wait_for(lambda: everywhere(browser, ".noUi-handle"))
     names = list(page.Sliders(GEOMETRY, "d").sliders)
     assert len(handles) == len(names) == 13
     handles[names.index("module")].send_keys(Keys.PAGE_UP * 2)
-    second = wait_for(lambda: _note(browser, first))
-    assert re.search(r"Computed in \d+ ms", second)
+    second_note = wait_for(lambda: _note(browser, first_note))
+    assert re.search(r"Computed in \d+ ms", second_note)
     for width in (1280, 420):
         size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)

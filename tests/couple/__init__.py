@@ -19,6 +19,7 @@ def two_rotors(**changes):
     """Return a train of both rotors, with gears on node 3 of rotor a and node 2 of rotor b."""
 
     def gear(name, teeth, radius, node):
+        """Return a gear on a node, whose coordinates it moves."""
         coordinates = {"rotation": f"{node} turn", "x": f"{node} x", "y": f"{node} y"}
         return GearNode(name=name, teeth=teeth, base_radius=radius, **coordinates)
 

@@ -11,14 +11,14 @@ from gearlib.models.trains.statics import equilibrium
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/how_to/coupling.md"
 
-#: Natural frequencies in Hz of both rotors joined by ROSS 2.3.0, above three free motions.
+#: Natural frequencies, Hz, of both rotors by ROSS 2.3.0, without three rigid-body motions.
 OF_ROSS = [156.7745, 186.9425, 206.6929, 232.6162, 680.7055, 691.4427, 1017.895, 1017.895]
 OF_ROSS += [1166.492, 1171.928, 1541.775]
 
 
 @pytest.fixture(scope="module")
 def names(tmp_path_factory):
-    """All names of the page after its blocks have run in order and printed what it shows."""
+    """Run the code blocks of the page, check what they print, and return their names."""
     for module in ("ross", "opentorsion", "control"):
         pytest.importorskip(module, reason="the extra `couple` is missing")
     names, printed = {}, []
@@ -31,13 +31,13 @@ def names(tmp_path_factory):
             del printed[:]
             exec(compile(code, PAGE.name, "exec"), names)
             assert "".join(printed) == shown
-            # Later blocks give other values to these.
+            # A later block gives another value to `train`.
             names.setdefault("of_ross", names["train"])
     return names
 
 
 def frequencies(stiffness, mass):
-    """Return natural frequencies of matrices in Hz."""
+    """Return the natural frequencies of matrices in Hz."""
     return np.sqrt(np.maximum(scipy.linalg.eigvalsh(stiffness, mass), 0.0)) / (2.0 * np.pi)
 
 
@@ -57,24 +57,27 @@ def test_whirl_frequencies_of_two_rotors_match_ross(names):
         names["a"], names["b"], coupled_nodes=(3, 2), gear_mesh_stiffness=2e8, position="below"
     )
     expected = joined.run_modal(speed=500.0, num_modes=30).wd / (2.0 * np.pi)
-    found = modes.damped_frequency.values
-    assert found[found > 1.0][: expected.size] == pytest.approx(expected, rel=1e-6)
+    damped_frequencies = modes.damped_frequency.values
+    assert damped_frequencies[damped_frequencies > 1.0][: expected.size] == pytest.approx(
+        expected, rel=1e-6
+    )
 
 
 def test_natural_frequencies_of_a_drivetrain_match_opentorsion(names):
+    """Compare with opentorsion, by its matrices and by its own elastic gears."""
     from opentorsion import Assembly, ElasticGear
 
-    tool, found = names["tool"], names["drivetrain"].modes().natural_frequency.values
+    tool, natural_frequencies = names["tool"], names["drivetrain"].modes().natural_frequency.values
     row = np.array([0.0, 0.0, 0.4, 0.1, 0.0])
     expected = frequencies(tool.K + 2e9 * np.outer(row, row), tool.M)
-    assert found[1:] == pytest.approx(expected[1:], rel=1e-9)
+    assert natural_frequencies[1:] == pytest.approx(expected[1:], rel=1e-9)
     wheel = ElasticGear(2, 50.0, 0.4)
     pinion = ElasticGear(3, 1.0, 0.1, k=2e9 * 0.4**2, c=0.0, parent=wheel)
     disks = [names["disks"][node] for node in (0, 1, 4)]
     gears = [wheel, pinion]
     joined = Assembly(names["shafts"], disk_elements=disks, elastic_gear_elements=gears)
     squares = np.sort(joined.undamped_modal_analysis()[0].real)
-    assert found[1:] == pytest.approx(np.sqrt(squares[1:]) / (2.0 * np.pi), rel=1e-9)
+    assert natural_frequencies[1:] == pytest.approx(np.sqrt(squares[1:]) / (2.0 * np.pi), rel=1e-9)
 
 
 def test_static_displacement_follows_the_stiffness_profile(names):
@@ -89,5 +92,5 @@ def test_frequency_response_matches_python_control(names):
 
     system, response = names["system"], names["response"]
     plant = control.ss(system.A, system.B, system.C, system.D)
-    found = np.abs(plant(2j * np.pi * response.frequency.values))[:, 0].T
-    assert found == pytest.approx(response.response_amplitude.values[..., 0], rel=1e-9)
+    amplitudes = np.abs(plant(2j * np.pi * response.frequency.values))[:, 0].T
+    assert amplitudes == pytest.approx(response.response_amplitude.values[..., 0], rel=1e-9)

@@ -156,6 +156,7 @@ def site(tmp_path_factory):
 @needs_mkdocs
 @pytest.mark.parametrize("page", ["index.html", "how_to/explorer.html"])
 def test_pages_opened_as_files_can_be_searched(site, browser, page):
+    """Search for a word without a server; the first result must be an existing page."""
     browser.get((site / page).as_uri())
     field = browser.find_element("css selector", ".md-search__input")
     field.click()

@@ -80,7 +80,7 @@ class Instance:
         return self.get(*(f"{kind}.{name}" for kind in "qv" for name in names))
 
     def step(self, end: float) -> tuple[bool, bool]:
-        """Advance to a time and return (whether there is an event, whether the step ended early)."""
+        """Advance to a time; return (whether there is an event, whether the step ended early)."""
         flags, last = [c_bool() for _ in range(3)], c_double()
         step = c_double(self.time), c_double(end - self.time), c_bool(True)
         self.call("DoStep", *step, *map(byref, flags), byref(last))

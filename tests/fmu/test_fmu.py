@@ -434,6 +434,7 @@ def test_fmpy_validates_and_simulates(tmp_path):
 
 @needs_compiler
 def test_fmpy_compiles_the_sources(tmp_path):
+    """Remove the binary and build it again with the tools of FMPy."""
     pytest.importorskip("fmpy")
     if shutil.which("cmake") is None:
         pytest.skip("there is no cmake")
@@ -509,15 +510,16 @@ def test_a_train_of_matrices_with_gyroscopic_forces_is_exported(tmp_path):
 
 @needs_compiler
 def test_the_command_writes_an_fmu_and_keeps_existing_files(tmp_path):
+    """Write an FMU, refuse to write it again, and prescribe its speed."""
     gearlib.write_train(two_gears(), tmp_path / "train.yaml")
     arguments = ["fmu", str(tmp_path / "train.yaml"), "--speed", "1500rpm"]
-    first = CliRunner().invoke(main, arguments)
-    assert first.exit_code == 0 and "written to" in first.output
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 0 and "written to" in result.output
     rate = Instance(tmp_path / "train.fmu").start().get("phase_rate")[0]
     assert rate == pytest.approx(24.0 * 50.0 * math.pi, rel=1e-12)
-    again = CliRunner().invoke(main, arguments)
-    assert again.exit_code == 2 and "--force" in again.output
+    repeated_result = CliRunner().invoke(main, arguments)
+    assert repeated_result.exit_code == 2 and "--force" in repeated_result.output
     output = str(tmp_path / "held.fmu")
-    held = CliRunner().invoke(main, [*arguments, "--prescribed-speed", "-o", output])
-    assert held.exit_code == 0
+    prescribed_result = CliRunner().invoke(main, [*arguments, "--prescribed-speed", "-o", output])
+    assert prescribed_result.exit_code == 0
     assert "speed" in Instance(tmp_path / "held.fmu").references

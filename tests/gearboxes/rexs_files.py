@@ -92,7 +92,7 @@ class File:
 
 
 def _entry(value):
-    """Return unit and value of an attribute as entries of JSON."""
+    """Return the unit and value of an attribute as entries of a JSON object."""
     unit = "none"
     if isinstance(value, tuple):
         value, unit = value
@@ -101,7 +101,7 @@ def _entry(value):
 
 
 def _element(tag, tree):
-    """Return an object in the form of JSON as an element of XML."""
+    """Convert an object in the form of JSON to an element of XML."""
     element = ElementTree.Element(tag)
     for name, value in tree.items():
         if name in ("relations", "components", "attributes", "refs", "load_cases"):
@@ -124,7 +124,7 @@ def _element(tag, tree):
 
 
 def _place(u, v, w):
-    """Return the attributes of a place along the axes of the unit, in mm."""
+    """Return the attributes of a position along the axes of the unit, in mm."""
     return {
         "support_vector": ([u, v, w], "mm"),
         "u_axis_vector": ([1.0, 0.0, 0.0], "mm"),
@@ -133,7 +133,10 @@ def _place(u, v, w):
 
 
 def add_shaft(file, name, place, sections, **values):
-    """Add a shaft with sections, each (length, outer diameters, inner diameters) in mm."""
+    """Add a shaft with sections (length, outer diameters, inner diameters), in mm.
+
+    Diameters are pairs for the begin and the end of a section. `place` is the begin of the shaft.
+    """
     file.add("shaft", name, "unit", **_place(*place), **values)
     file.relate("reference", origin=name, referenced="steel")
     start = 0.0
@@ -153,7 +156,11 @@ def add_shaft(file, name, place, sections, **values):
 
 
 def add_gear(file, name, shaft, place, teeth, module, helix, width, shift, kind="cylindrical_gear"):
-    """Add a gear with both flanks; `place` is that of its middle along the axes of the unit."""
+    """Add a gear with both flanks.
+
+    `place` is its middle along the axes of the unit, in mm, and `helix` is the helix angle in
+    degrees.
+    """
     u = place[0] - _origin(file, shaft)[0]
     file.add(
         kind,
@@ -177,18 +184,19 @@ def add_gear(file, name, shaft, place, teeth, module, helix, width, shift, kind=
 
 
 def _origin(file, shaft):
+    """Return the position of a shaft along the axes of the unit, in mm."""
     attributes = file.components[file.id_of(shaft) - 1]["attributes"]
     return next(x["floating_point_array"] for x in attributes if x["id"] == "support_vector")
 
 
 def add_stage(file, name, first, second, distance, **values):
-    """Add a stage of two gears; the centre distance is in mm."""
+    """Add a stage of two gears with a centre distance in mm."""
     file.add("cylindrical_stage", name, "unit", center_distance=(distance, "mm"), **values)
     file.relate("stage", stage=name, gear_1=first, gear_2=second)
 
 
 def two_stages(version="1.4"):
-    """Return a box of two helical stages, with conical sections, a coupling and two load cases."""
+    """Return a file of two helical stages with conical shafts, a coupling and two load cases."""
     file = File(version)
     file.add(
         "material",
@@ -241,7 +249,7 @@ def two_stages(version="1.4"):
 
 
 def planetary(version="1.1"):
-    """Return a planetary set, whose ring is held, with a stage behind its carrier."""
+    """Return a file of a planetary set with fixed ring and a stage driven by its carrier."""
     import math
 
     file = File(version)

@@ -59,6 +59,7 @@ def test_speeds_of_a_planetary_set_satisfy_willis_equation(tmp_path):
 
 
 def test_mesh_frequencies_of_a_planetary_train_match_its_load_case(tmp_path):
+    """Mesh frequencies follow from relative speed and teeth, and forces from the torque."""
     box = read(planetary(), tmp_path)
     train = box.train(model="rectangle", stiffness="iso")
     frequency_table = gearlib.characteristic_frequencies(train, 1200.0)

@@ -27,6 +27,7 @@ class Gear:
     internal: bool = False
 
     def __post_init__(self):
+        """Compute pitch, base radius, tip radius and tooth thickness."""
         self.sign = -1 if self.internal else 1
         self.pitch = math.tau / self.teeth
         radius = MODULE * self.teeth / 2.0
@@ -141,13 +142,13 @@ class Machine:
     def __init__(self, gears, meshes, shafts=(), sense=1):
         self.gears, self.meshes, self.shafts = gears, meshes, shafts
         first, name = meshes[0], meshes[0][0]
-        #: Name -> rad per period of the first mesh.
+        #: Speed of each gear by name, rad per period of the first mesh.
         self.speed = {name: sense * gears[name].pitch}
         self._spread(self.speed, self._speed_of_mate, lambda shaft, i, speed: speed)
-        # With a tooth at angle 0 the first mesh has some phase: the gear is turned back by it.
+        # With a tooth at angle 0 the first mesh has some phase, by which the gear is turned back.
         self.tooth_angles = {name: 0.0}
         angle = self._reference_tooth(first, 0, self.speed[name] * self.phase(first))
-        #: Name -> angle of one tooth at time 0.
+        #: Angle of one tooth of each gear by name, at time 0.
         self.tooth_angles = {name: angle}
         self._spread(self.tooth_angles, self._tooth_of_mate, self._tooth_on_shaft)
 

@@ -11,8 +11,8 @@ from skfem.models.elasticity import linear_elasticity
 from gearlib.geometry import GearStage, Material, Rack, SpurGear
 from gearlib.models.geometry.mesh_stiffness import Tooth
 
-#: Elements across a tooth, across a gap, from bore to root, along a fillet, and along a flank in
-#: each base pitch.
+#: Numbers of elements across a tooth, across a gap, from bore to root, along a fillet, and along a
+#: flank in each base pitch.
 ACROSS, GAP, RADIAL, FILLET, PER_PITCH = 6, 3, 16, 6, 6
 POISSON = 0.3
 
@@ -102,16 +102,17 @@ SLENDER = Rack(addendum=1.35, dedendum=1.6, tip_radius=0.2)
     ],
 )
 def test_shared_compliance_matches_finite_elements(teeth, module, bore, rack, distance):
-    """Both teeth touch on one line of action; the mean over the path of contact.
+    """Load one tooth and measure the motion of another on the same line of action.
 
-    The twist of the body, which it contains, is the closed form of a ring.
+    The mean over the path of contact must agree. The twist of the body, which is part of the shared
+    compliance, has the closed form of a ring.
     """
     material = Material(young=1.0, poisson=POISSON)
     common = {"module": module, "width": 1.0, "rack": rack, "material": material}
     mesh = GearStage(*(SpurGear(teeth=z, bore=bore, **common) for z in teeth))
     tooth = Tooth(mesh.pinion, mesh.width)
     start, end = np.array(mesh.path) / tooth.base_radius
-    # A neighbouring pair touches one base pitch further on, where phi is 2 pi / z larger.
+    # The next pair touches one base pitch further, where phi is larger by 2 pi / z.
     phi = np.arange(end, start, -math.tau / teeth[0] / PER_PITCH)[::-1]
     model, offset = FiniteElements(tooth, phi), distance * PER_PITCH
     compliances = []

@@ -32,12 +32,13 @@ def by_hand(ratio, contact, pitch, form, relief):
     ("mesh", "torque", "relief"), [(fzg_c(), 302.0, 5.0), (iso_example(), 9000.0, 70.0)]
 )
 def test_dynamic_factors_of_all_speed_ranges_match_the_standard(mesh, torque, relief):
-    # In N, mm, um, kg/mm as the standard writes it.
+    """Compare factors over the resonance ratio with the formulas of `by_hand`."""
+    # Units are N, mm, um and kg/mm, as in the standard.
     load = mesh.tangential_force(torque) / (1e3 * mesh.width)
     stiffness = iso_stiffness(mesh, torque)
     angle = mesh.pinion.transverse_pressure_angle
     pitch, form = 14.0 * math.cos(angle), 11.0
-    # A running-in allowance of 0.075, at most 3 um.
+    # Running in reduces deviations by the factor 0.075, but at most by 3 um.
     effects = (
         stiffness.single * 0.925 * pitch / load,
         stiffness.single * 0.925 * form / load,
@@ -47,35 +48,37 @@ def test_dynamic_factors_of_all_speed_ranges_match_the_standard(mesh, torque, re
     resonance = 30000.0 / (math.pi * mesh.pinion.teeth) * math.sqrt(stiffness.mean / mass)
     ratios = np.array([0.1, 0.5, 0.84, 0.86, 1.0, 1.14, 1.2, 1.4, 1.49, 1.51, 3.0])
     deviations = {"pitch_deviation": 14e-6, "form_deviation": 11e-6, "tip_relief": 1e-6 * relief}
-    found = dynamic_factor(mesh, torque, ratios * resonance, **deviations)
+    result = dynamic_factor(mesh, torque, ratios * resonance, **deviations)
     contact_ratio = mesh.contact_ratio + mesh.overlap_ratio
     expected = [by_hand(ratio, contact_ratio, *effects) for ratio in ratios]
-    np.testing.assert_allclose(found.factor, expected, rtol=1e-12)
-    np.testing.assert_allclose(found.resonance_ratio, ratios, rtol=1e-12)
-    assert found.resonance_speed == pytest.approx(resonance, rel=1e-12)
-    assert (found.pitch, found.form, found.relief) == pytest.approx(effects, rel=1e-12)
-    # More than 40 um runs in by 3 um.
+    np.testing.assert_allclose(result.factor, expected, rtol=1e-12)
+    np.testing.assert_allclose(result.resonance_ratio, ratios, rtol=1e-12)
+    assert result.resonance_speed == pytest.approx(resonance, rel=1e-12)
+    assert (result.pitch, result.form, result.relief) == pytest.approx(effects, rel=1e-12)
+    # A deviation of 100 um is reduced by 3 um.
     coarse = dynamic_factor(mesh, torque, 100.0, pitch_deviation=0.0, form_deviation=1e-4)
     assert coarse.form_deviation == pytest.approx(97e-6, rel=1e-12)
 
 
 def test_at_low_load_teeth_are_softer_and_the_main_resonance_begins_earlier():
     mesh = fzg_c(quality=5)
-    # 25 N/mm at the reference circle: a fourth of the limit.
+    # The load is 25 N/mm at the reference circle, a quarter of the limit of 100 N/mm.
     torque = 25.0 * 14.0 * mesh.pinion.reference_diameter / 2.0
     for application_factor, softer, lower_limit in ((1.0, math.sqrt(2.0), 0.675), (4.0, 1.0, 0.85)):
         single = iso_stiffness(mesh, torque, application_factor).single
         assert single == pytest.approx(iso_stiffness(mesh).single / softer, rel=1e-12)
-        found = dynamic_factor(mesh, torque, 1000.0, application_factor=application_factor)
-        assert found.lower_limit == pytest.approx(lower_limit, rel=1e-12)
+        result = dynamic_factor(mesh, torque, 1000.0, application_factor=application_factor)
+        assert result.lower_limit == pytest.approx(lower_limit, rel=1e-12)
 
 
 def test_deviations_of_an_accuracy_class_match_the_standard():
-    # ISO 1328-1:2013, class 5: 0.001 d + 0.4 m_n + 5 and 0.55 m_n + 5, um; two classes double them.
+    # In class 5 of ISO 1328-1:2013 the deviations are 0.001 d + 0.4 m_n + 5 and 0.55 m_n + 5, in
+    # um.
+    # They double every two classes.
     fine, coarse = (SpurGear(teeth=50, module=4e-3, width=0.02, quality=n) for n in (5, 9))
     assert fine.pitch_deviation == pytest.approx(6.8e-6, rel=1e-12)
     assert fine.form_deviation == pytest.approx(7.2e-6, rel=1e-12)
     assert coarse.pitch_deviation == pytest.approx(4.0 * fine.pitch_deviation, rel=1e-12)
-    # The larger one of both gears counts.
-    found = dynamic_factor(GearStage(fine, coarse), 100.0, 1000.0)
-    assert found.form_deviation == pytest.approx(0.925 * coarse.form_deviation, rel=1e-12)
+    # The larger deviation of both gears counts.
+    result = dynamic_factor(GearStage(fine, coarse), 100.0, 1000.0)
+    assert result.form_deviation == pytest.approx(0.925 * coarse.form_deviation, rel=1e-12)

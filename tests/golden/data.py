@@ -117,7 +117,7 @@ def read(name):
     with xr.open_dataset(FOLDER / name, engine="netcdf4") as file:
         dataset = file.load()
     for name in dataset.variables:
-        # Other variables are described by the study that makes them.
+        # Variables without a common description are described by their study.
         with suppress(KeyError):
             alone = xr.Dataset({name: dataset[name].variable})
             dataset[name].attrs |= variables.describe(alone)[name].attrs

@@ -87,6 +87,7 @@ class Step:
         curve, times, rates, squares = self.curves[side], self.equations.product, [], []
 
         def term(k):
+            """Return the Taylor coefficient number `k` of the force."""
             rate = (k + 1) * curve[k + 1]
             if not (d2 or d3):
                 return d1 * rate
@@ -107,6 +108,7 @@ class Step:
         curve, levels, squares, springs = self.curves[side], self.stiffness(contact, side), [], []
 
         def term(k):
+            """Return the Taylor coefficient number `k` of the force."""
             springs.append(curve[k])
             if p2 or p3:
                 squares.append(times(curve, curve, k))

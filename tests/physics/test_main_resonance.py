@@ -91,6 +91,7 @@ def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
 
 
 def test_a_design_without_jumps_reports_no_jump_and_the_linear_peak(nominal_search):
+    """With strong damping contact is never lost, and a sweep shows the peak."""
     model = DAMPED.replace(material_damping=1.1e4)
     values, codes = nominal_search.evaluate(model)
     value_by_name = dict(zip(NAMES, values, strict=True))

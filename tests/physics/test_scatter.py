@@ -63,6 +63,7 @@ def test_bands_match_quantiles_of_plain_sweeps():
 
 
 def test_any_division_into_shards_gives_the_same_bytes(whole_scatter, tmp_path):
+    """Join shards of 3, 47 and 50 samples, and refuse missing or foreign ones."""
     sample_ranges = [(50, 100), (0, 3), (3, 50)]
     for index, sample_range in enumerate(sample_ranges):
         samples = shard(PAIR, MANY, 100, *sample_range, threads=index + 1, **RUNS)

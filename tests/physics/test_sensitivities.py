@@ -104,6 +104,7 @@ def test_the_derivative_of_a_run_up_with_respect_to_the_load_matches_the_closed_
 
 
 def test_sensitivities_at_a_grazing_warn_that_events_appear_or_vanish():
+    """At the tuning of a grazing a small change creates or removes contact events."""
     pair = gearlib.GearPair.from_ratios(
         contact_ratio=1.5,
         stiffness_ratio=0.6,

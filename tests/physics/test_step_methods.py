@@ -211,6 +211,7 @@ def test_iterations_that_do_not_converge_end_the_run_with_a_status():
 
 
 def test_a_missing_package_is_named_in_the_refusal(monkeypatch):
+    """Pretend that heyoka is not installed: the list of methods and the refusal must say so."""
     package, find_installed = integrators.METHODS["heyoka"].PACKAGE, importlib.util.find_spec
     monkeypatch.setattr(
         "gearlib.integrators.method.find_spec",

@@ -38,6 +38,7 @@ def tiny_project(folder):
     """Return a project of seven jobs: a phase plane for each of two dampings and the phase lag."""
 
     def configure(settings):
+        """Leave two dampings and two targets."""
         few_jobs(settings, "k1", "k1m")
         settings["figures"]["formats"] = ["png", "pdf"]
         settings["targets"] = ["phase_planes", "phase_lag"]
@@ -170,6 +171,7 @@ def small_disk(folder, size):
 
 
 def test_a_full_disk_is_reported_in_one_sentence(project, undisturbed):
+    """A run on a full disk must fail with a sentence, and a run afterwards must succeed."""
     for path in project.results():
         if "phase_planes" in path:
             (project / path).unlink()

@@ -43,7 +43,7 @@ def test_slow_harmonics_are_kept_in_models_with_rigid_body_motion():
 
 @pytest.mark.parametrize("detuning", [0.0, 1e-10, 1e-4])
 def test_motion_by_deviations_at_an_undamped_resonance_matches_taylor_steps(detuning):
-    """Excite a pair exactly at, and close to, the natural frequency of its upper stiffness level."""
+    """Excite a pair at, and close to, the natural frequency of its upper stiffness level."""
     pair, wave = PAPER.replace(backlash=math.inf), Harmonics((1e-6,), (2e-6,))
     train = pairs_as_train(pair)
     train = train.replace(meshes=[replace(train.meshes[0], deviation=wave)])

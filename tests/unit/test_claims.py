@@ -147,6 +147,7 @@ def test_the_table_of_certificates_matches_the_documentation(tmp_path, monkeypat
 
 
 def test_the_table_of_models_omits_numbers_decided_by_rounding(tmp_path):
+    """Numbers of chaotic motions are replaced by "differs" or "nan"."""
     names = ["fig7_damping", "fig8_six_degrees"]
     comparisons = [golden.read(f"models/{name}.nc") for name in names]
     table = [[*row.values()] for row in read_back(scenes.rows(comparisons, names), tmp_path)]

@@ -43,6 +43,7 @@ def run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def call(line, code=0):
+        """Run a command line, in which PAIR and GEOMETRY stand for options of gears."""
         words = shlex.split(line.replace("PAIR", PAIR).replace("GEOMETRY", GEOMETRY))
         result = CliRunner().invoke(main, words)
         assert result.exit_code == code, (line, result.output)
@@ -186,6 +187,7 @@ def test_optional_keys_of_a_new_project_are_shown_as_comments(run):
 
 
 def test_compare_prints_gears_side_by_side_and_draws_their_resonance(run):
+    """Compare two result folders by their resonance curves and by tables of gears."""
     curve = gearlib.sweep(K1, [0.7, 0.8, 0.9], periods=60, record_periods=10)
     curve = gathering.gather_resonance([curve.assign_coords(damping="k1", direction="cold")])
     for name in ("light", "heavy"):
@@ -247,6 +249,7 @@ scatter GEOMETRY | --tolerance is missing
 
 
 def test_invalid_command_lines_exit_with_code_2(run):
+    """Each line of REFUSED must print its part of the message."""
     Path("binary.yaml").write_bytes(b"\xff\xfe")
     Path("colon.yaml").write_text("resonance\n", encoding="utf-8")
     write("five.yaml", {"gear_pair": CONFIG["gear_pair"], "dampings": 5})
@@ -287,6 +290,7 @@ def test_explore_without_panel_names_the_extra_to_install(run, monkeypatch):
 
 
 def test_existing_files_are_kept_and_failed_writes_exit_with_code_1(run, monkeypatch):
+    """Only --force may replace a file, and a full disk must be reported."""
     Path("run.nc").write_text("mine", encoding="utf-8")
     run("simulate PAIR --tuning 0.7 -o run.nc", code=2)
     assert Path("run.nc").read_text(encoding="utf-8") == "mine"

@@ -42,6 +42,7 @@ def test_numbers_strings_and_booleans_are_converted():
 
 
 def test_a_configuration_in_other_units_gives_the_same_settings():
+    """Write stiffness, mass, backlash, damping and load with units."""
     paper = load(CONFIG)
     pair = {"max_stiffness": "4e5 N/mm", "reduced_mass": "3123 g", "backlash": "40 um"}
     dampings = paper.model_dump()["dampings"]["k1"]

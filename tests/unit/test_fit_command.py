@@ -37,6 +37,7 @@ def run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments, table=TABLE, **changes):
+        """Write the set with changed settings and run the command with further arguments."""
         np.savetxt("rig.csv", table, delimiter=",", header="t,x", comments="", fmt="%.9g")
         (tmp_path / "rig.yaml").write_text(yaml.safe_dump(SETTINGS | changes), encoding="utf-8")
         return CliRunner().invoke(main, ["fit", "rig.yaml", *arguments])

@@ -38,6 +38,7 @@ def written(tmp_path):
     """
 
     def written(table=TABLE, **changes):
+        """Write a table, or none, and the settings with changes."""
         settings = {key: value for key, value in (SETTINGS | changes).items() if value is not None}
         if table is not None:
             data = table if isinstance(table, bytes) else table.encode()
@@ -136,6 +137,7 @@ def test_empty_cells_are_read_as_gaps_and_reported(rig):
 
 
 def test_tables_in_other_encodings_separators_and_date_formats_are_read(rig):
+    """Read decimal commas, byte order marks, dates and numbers with many digits."""
     german = 'Prüfstand "7"\nt;x;F\n# Pause\n0;1,5;2\n1;2,5;2,5\n'
     table_format = {"separator": ";", "decimal": ",", "comment": "#", "skip": 1}
     for encoding in ("utf-8", "latin-1", "utf-16"):
@@ -320,6 +322,7 @@ def curve(written, resonance):
     """
 
     def measure(factor=1.0, shift=0.0, **channel):
+        """Write a measured set and read its resonance curve."""
         sweeps = resonance.isel(damping=0).sel(direction=["up", "down"])
         height = 1e6 * (sweeps.displacement_max * sweeps.static_deflection).values
         count = height.shape[1]

@@ -123,7 +123,7 @@ def test_categories_use_distinct_colours_not_used_for_motions(chosen_colours):
 
 
 def test_the_same_data_give_the_same_picture_bytes(tmp_path):
-    # tests/robustness compares those of png and pdf.
+    # The formats png and pdf are compared in tests/robustness.
     paths = [tmp_path / f"{name}.svg" for name in "ab"]
     for path in paths:
         style.save(draw_phase_planes(PLANES), path)

@@ -49,6 +49,7 @@ def test_an_interrupted_call_returns_the_beginning_of_the_full_result(call, dime
 
 
 def test_missing_results_are_named():
+    """Interrupt different studies at once, and read the list of missing results."""
     sweep = gearlib.sweep(PAIR, GRID, direction="down", **RUN, max_seconds=AT_ONCE)
     assert json.loads(sweep.missing) == [0.6, 0.7]
     branch = gearlib.continue_orbit(ORBIT, to=1.2, max_seconds=AT_ONCE)

@@ -59,7 +59,7 @@ class Project:
         path.write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
 
     def results(self):
-        """Return the contents of all result files by path, but no logs, benchmarks and provenance."""
+        """Return the contents of result files by path, but no logs, benchmarks and provenance."""
         return {
             str(path.relative_to(self.folder)): path.read_bytes()
             for path in sorted((self / "results").rglob("*"))

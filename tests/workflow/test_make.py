@@ -57,6 +57,7 @@ def make(folder, target):
 
 @pytest.mark.parametrize("target", [target for target in TARGETS if TOOLS.get(target) != []])
 def test_targets_name_modules_files_and_extras_that_exist(target, tmp_path):
+    """Run a target and check the arguments that its tools receive."""
     calls = [shlex.split(call) for call in re.findall(r"^ran (.*)$", make(tmp_path, target), re.M)]
     calls = [call for call in calls if call[0] != "apt-get"]
     assert [tool for tool, *_ in calls] == TOOLS.get(target, ["python"])

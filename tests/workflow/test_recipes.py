@@ -156,6 +156,7 @@ def test_a_new_figure_of_existing_data_works_by_the_recipe(tmp_path):
 
 @pytest.mark.slow
 def test_a_new_study_works_by_the_recipe(tmp_path):
+    """The new study must run, appear in the report and check its configuration."""
     project = small_project(tmp_path / "project")
     follow(project, "A study")
     run, report = report_after(project, "load_study")

@@ -179,6 +179,8 @@ def test_the_linter_of_snakemake_reports_nothing(shared):
 
 
 def test_a_wrong_configuration_is_refused_in_one_sentence(project):
+    """Try a missing key, an unknown target and a file that is not YAML."""
+
     def refusal(*arguments):
         """Return the last line that a refused dry run prints."""
         printed = project.snakemake("-n", *arguments, succeed=False)
