@@ -62,7 +62,7 @@ def numbers(words):
 
 
 def children(annotation):
-    """Yield (value, index of the wrong entry, problem) of wrong values of an annotation.
+    """Return the annotations of the keys of a section, or of a mapping's values under `NAME`."""
     base, _ = p.parts(annotation)
     if get_origin(base) is dict:
         return {NAME: get_args(base)[1]}
