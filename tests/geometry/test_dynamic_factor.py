@@ -10,7 +10,10 @@ from tests.geometry.stages import fzg_c, iso_example
 
 
 def by_hand(ratio, contact, pitch, form, relief):
-    """K_v of the ranges, written out for eps_gamma of FZG C and of the ISO example."""
+    """Return K_v by the formulas of each speed range, for a total contact ratio `contact`.
+
+    `ratio` is the resonance ratio N; `pitch`, `form` and `relief` are the effects B_p, B_f and B_k.
+    """
     if contact < 2.0:
         sub = 0.32 * pitch + 0.34 * form + 0.23 * relief
         main = 0.32 * pitch + 0.34 * form + 0.90 * relief + 1.0

@@ -118,7 +118,7 @@ def test_the_transmission_error_matches_a_separate_sum_over_tooth_pairs():
     pitches = phases[:, None] + np.arange(-1, 3) + mesh.contact_ratio % 1.0 / 2.0
     positions = start + pitches * mesh.base_pitch
     gaps = np.maximum(0.0, relief.amount * (1.0 - (end - np.minimum(positions, end)) / 1.5e-3))
-    # Tip corners touch beyond the path of contact, by formulas of docs/geometry.md.
+    # Tip corners touch beyond the path of contact, by formulas of docs/theory/geometry.md.
     a, alpha = mesh.centre_distance, mesh.working_pressure_angle
     for flank, corner, angle in (
         (pinion, wheel, np.minimum(positions - start, 0.0) + start - mesh.pitch_point),

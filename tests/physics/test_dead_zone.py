@@ -7,7 +7,9 @@ from gearlib import DeadZoneOscillator, simulate
 
 def test_undamped_motion_from_rest_without_backlash_is_a_cosine():
     """From rest the load swings the mass between 0 and twice its static displacement."""
-    # The start lies on both flank lines at once, which only some random values resolve wrongly.
+    # The motion leaves one flank and meets the other at the same place. Rounding decides on the
+    # order
+    # of both events, and so many random values are tried.
     rng = np.random.default_rng(5)
     for _ in range(100):
         upper_stiffness, lower_stiffness = 10.0 ** rng.uniform(-2.0, 2.0, 2)

@@ -119,10 +119,10 @@ def test_damping_may_open_a_closed_tongue_again():
     # frequency.
     ratios, order = (1.0653989653616667, 0.00046219012511841736), 5
     equations = [meissner.meissner_equation(*ratios, damping) for damping in (0.036, 0.05, 0.3)]
-    undamped_growth, closed_growth, reopened_growth = (
+    growth_at_low_damping, growth_at_medium_damping, growth_at_high_damping = (
         meissner.tongue(equation, order).growth for equation in equations
     )
-    assert undamped_growth > 0.0 > closed_growth and reopened_growth > 0.0
+    assert growth_at_low_damping > 0.0 > growth_at_medium_damping and growth_at_high_damping > 0.0
     assert meissner.closing_damping(*ratios, order) > 0.3
 
 

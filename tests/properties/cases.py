@@ -172,6 +172,7 @@ def trains(draw):
 
 
 def _cases(models, states=STATES):
+    """Return a strategy of cases with models, tunings and initial states."""
     return st.builds(Case, models, TUNINGS, states)
 
 
@@ -186,7 +187,11 @@ CASES = {
 
 
 def random_trains_case(seed):
-    """Return the `Case` of a seed: random, coast sides that move, grazing, or events at once."""
+    """Return the random `Case` of a seed, by its remainder modulo 4.
+
+    It is ordinary for 0, has coast sides that move with supports for 1, starts near a grazing for
+    2, and has coinciding events for 3.
+    """
     rng = np.random.default_rng(seed)
     if seed % 4 == 3:
         model, tuning, state = symmetric_problem(rng)
@@ -195,7 +200,7 @@ def random_trains_case(seed):
         if seed % 4 == 2:
             state = grazing_start(rng, model, tuning, state)
         if seed % 4 == 1:
-            # Little backlash: coast sides touch, but supports do not close it.
+            # The backlash is small, so that coast sides touch, but supports do not close it.
             flanks = {"moving_backlash": True, "backlash": 1.5 * model.static_deflection}
             model = model.replace(meshes=[replace(mesh, **flanks) for mesh in model.meshes])
     scale = np.repeat([1.0, tuning], model.size // 2)
@@ -203,10 +208,10 @@ def random_trains_case(seed):
 
 
 def state_grazing_at_phase(equations, phase, contact, depth, q, v):
-    """Return a start whose motion has a turn of a drive side's distance at `phase`, at `depth`.
+    """Return a start whose motion has a minimum of a drive-side distance, `depth`, at `phase`.
 
-    At that phase other coordinates are near (q, v), in units. From there the motion is followed
-    back to phase 0. None: the distance does not turn upwards.
+    At this phase the other coordinates are near (q, v), in units, and the motion is followed back
+    to phase 0. The result is None if the distance has no minimum there.
     """
     instant, side = Piece(phase, phase, phase, 1.0), equations.contacts[contact].drive
     row = np.zeros(q.size)

@@ -40,7 +40,7 @@ RADIUS, BODY = 0.1, 17.27
 LINEAR = PAPER.replace(material_damping=1000.0, backlash_damping=300.0)
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
 UNDAMPED = LINEAR.replace(material_damping=0.0, backlash_damping=0.0)
-#: A pair whose motion touches both flanks at the tuning 0.88 and, if unstable, at 0.851.
+#: A pair with an orbit on both flanks at the tuning 0.88, and an unstable one at 0.851.
 OTHER = GearPair.from_ratios(
     contact_ratio=1.3, stiffness_ratio=0.7, damping=0.03, backlash_damping=0.01, backlash_ratio=0.8
 )

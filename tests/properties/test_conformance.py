@@ -146,7 +146,7 @@ def test_no_event_of_a_random_train_is_missed(seed):
 
 
 def test_some_random_trains_graze_and_some_have_coinciding_events():
-    """Seeds with remainder 2 of 4 start near a grazing, those with 3 have equal planets."""
+    """Seeds with the remainder 2 modulo 4 start near a grazing, those with 3 have equal planets."""
     coinciding, shortest_contact = 0, math.inf
     for seed in sorted((*range(2, 16, 4), *range(3, 16, 4))):
         events = reference_motion(Known(*random_trains_case(seed), 3)).events

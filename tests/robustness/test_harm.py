@@ -108,8 +108,8 @@ def wait_until(condition, process):
         time.sleep(0.05)
 
 
-def replace(project):
-    """Replace a result by that of another configuration."""
+def replace_result(project):
+    """Replace a result by the same result of another configuration."""
     times = os.stat(project / SHARD)
     shutil.copyfile(project / OTHER_SHARD, project / SHARD)
     # The new date is one microsecond earlier, so that it does not look newer to Snakemake.
@@ -119,7 +119,7 @@ def replace(project):
 #: Damage of results, and the rules whose jobs run after it; None means all rules.
 HARM = {
     "a result of another configuration": (
-        replace,
+        replace_result,
         {"phase_plane", "gather_phase_planes", "draw_phase_planes"},
     ),
     "an edited picture": (
