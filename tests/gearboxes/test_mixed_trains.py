@@ -133,19 +133,23 @@ def test_a_configuration_gives_the_same_train_as_python():
     )
 
 
-def test_characteristic_frequencies_of_a_stage():
+def test_characteristic_frequencies_of_a_stage_match_hand_calculation():
+    """With 24 teeth at 600 rpm the mesh frequency is 240 Hz; equal teeth meet after 72 meshes."""
     stage = GearStage(*(SpurGear(teeth=z, module=0.003, width=0.03) for z in (24, 36)))
-    found = gearlib.characteristic_frequencies(stage, 600.0)
-    assert float(found.mesh_frequency_hertz[0]) == pytest.approx(240.0)
-    assert float(found.hunting_tooth_frequency[0]) == pytest.approx(240.0 / 72)
-    assert float(found.assembly_phase_frequency[0]) == pytest.approx(20.0)
-    np.testing.assert_allclose(found.sideband_spacing.values, [[10.0, 20.0 / 3.0]])
-    assert np.isnan(found.planet_passing_frequency).all()
+    frequencies = gearlib.characteristic_frequencies(stage, 600.0)
+    assert float(frequencies.mesh_frequency_hertz[0]) == pytest.approx(240.0)
+    assert float(frequencies.hunting_tooth_frequency[0]) == pytest.approx(240.0 / 72)
+    assert float(frequencies.assembly_phase_frequency[0]) == pytest.approx(20.0)
+    np.testing.assert_allclose(frequencies.sideband_spacing.values, [[10.0, 20.0 / 3.0]])
+    assert np.isnan(frequencies.planet_passing_frequency).all()
 
 
-def test_planets_pass_central_gears():
-    found = gearlib.characteristic_frequencies(mixed_train(stages=()), 780.0)
-    passing = dict(zip(found.body.values, found.planet_passing_frequency.values, strict=True))
+def test_planet_passing_frequencies_match_the_speed_of_the_carrier():
+    """Three planets pass the fixed ring at three times the speed of the carrier."""
+    frequencies = gearlib.characteristic_frequencies(mixed_train(stages=()), 780.0)
+    passing = dict(
+        zip(frequencies.body.values, frequencies.planet_passing_frequency.values, strict=True)
+    )
     carrier = 13.0 * 17 / 78
     assert passing["ring"] == pytest.approx(3 * carrier)
     assert passing["sun"] == pytest.approx(3 * (13.0 - carrier))

@@ -162,8 +162,9 @@ def test_mesh_phases_match_teeth_placed_one_by_one(seed):
     turned = math.copysign(1.0, machine.speed[meshes[0][1]])
     reverse = train_of(Machine(gears, exchanged(meshes), shafts, -turned), rng)
     for name in ("phases", "coast_phases"):
-        phases, opposite = (list(getattr(one, name).values()) for one in (train, reverse))
-        assert phase_difference(phases, [-phase for phase in opposite]) < 1e-9
+        phases = list(getattr(train, name).values())
+        reverse_phases = list(getattr(reverse, name).values())
+        assert phase_difference(phases, [-phase for phase in reverse_phases]) < 1e-9
 
 
 #: Teeth and shifts of sun, planet and ring, and angles of the planets.

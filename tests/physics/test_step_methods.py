@@ -108,7 +108,9 @@ def ode45(rate, end, y, rtol, atol):
 
     Return the final y, the number of accepted steps and the number of rejected ones.
     """
-    time, longest_step, slope, step_count, rejected_count = 0.0, 0.1 * end, rate(y), 0, 0
+    time, slope = 0.0, rate(y)
+    longest_step = 0.1 * end
+    step_count = rejected_count = 0
     weights = np.maximum(abs(y), atol / rtol)
     step = min(longest_step, 0.8 * rtol**0.2 / max(abs(slope) / weights))
     while time < end:
@@ -127,12 +129,13 @@ def ode45(rate, end, y, rtol, atol):
             if error <= rtol:
                 break
             rejected_count += 1
-            step = max(
-                shortest_step,
-                step * max(0.1, 0.8 * (rtol / error) ** 0.2) if first_try else step / 2,
-            )
+            # The first rejection uses the error estimate, further ones halve the step.
+            factor = max(0.1, 0.8 * (rtol / error) ** 0.2) if first_try else 0.5
+            step = max(shortest_step, step * factor)
             first_try = False
-        time, y, slope, step_count = time + step, new_y, stages[-1], step_count + 1
+        time += step
+        y, slope = new_y, stages[-1]
+        step_count += 1
         if first_try:
             step *= min(5.0, 0.8 * (rtol / error) ** 0.2)
     return y, step_count, rejected_count

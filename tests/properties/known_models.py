@@ -228,7 +228,7 @@ KNOWN = {
     "oscillator": Known(OSCILLATOR, 0.8, (0.3, -1.0)),
     "unequal sides": Known(UNEQUAL, 1.3, (0.2, 0.9)),
     "series": Known(OSCILLATOR.replace(upper_stiffness=_SERIES), 0.8, (0.3, -1.0)),
-    **{name: Known(*one, (0.2, 0.9)) for name, one in published.PROBLEMS.items()},
+    **{name: Known(*problem, (0.2, 0.9)) for name, problem in published.PROBLEMS.items()},
     "soft bearings": Known(gears(3e7, free=True), 0.66, (0.0, 0.0), 8),
     "rigid bearings": Known(gears(math.inf, 3953.7, 500.0), 0.8, (1.0, -4.0)),
     "free bearings": Known(gears(3e7, 3953.7, 500.0, free=True, **EVERYTHING), 0.9, (0.0, 0.0), 8),

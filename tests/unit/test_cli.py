@@ -350,7 +350,7 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
     assert_rows(output, largest, columns)
 
 
-def test_modes_static_phasing_and_campbell_print_what_the_library_computes(run, reducer):
+def test_modes_static_phasing_and_campbell_print_the_results_of_the_library(run, reducer):
     modes, static, phasing, campbell = (
         run(f"{command} --config train.yaml")
         for command in ("modes", "static --phase 1.0", "phasing --count 3", "campbell --count 2")

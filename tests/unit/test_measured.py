@@ -327,9 +327,9 @@ def curve(written, resonance):
         height = 1e6 * (sweeps.displacement_max * sweeps.static_deflection).values
         count = height.shape[1]
         columns = np.tile(sweeps.speed.values, 2), np.repeat(["up", "down"], count), height.ravel()
-        top = {"observableId": "displacement_max", "unit": "um", "noise": 0.0} | channel
+        peak = {"observableId": "displacement_max", "unit": "um", "noise": 0.0} | channel
         channels = {"n": {"observableId": "speed", "unit": "rpm"}}
-        channels |= {"to": {"observableId": "direction", "unit": 1}, "top": top}
+        channels |= {"to": {"observableId": "direction", "unit": 1}, "top": peak}
         table = csv(channels, *columns[:2], factor * columns[2] + shift)
         return study.measured_response_curve(written(table, channels=channels), resonance)
 
@@ -345,7 +345,8 @@ def scores(curves, resonance):
 def test_scores_that_need_no_calibration_do_not_change_with_gain_and_offset(curve, resonance):
     """Ratios of speeds and peaks and the misfit with free gain must not depend on the sensor."""
     plain, scaled = curve(), curve(factor=1.7, shift=-30.0, **UNKNOWN)
-    calibrated, free = (scores([part], resonance) for part in (plain, scaled))
+    calibrated = scores([plain], resonance)
+    free = scores([scaled], resonance)
     jumps = calibrated["jump down over jump up"]
     assert jumps["measured"] == free["jump down over jump up"]["measured"] == jumps["computed"]
     assert 0.7 < jumps["measured"] < 0.95 and jumps["calibration"] == "none"

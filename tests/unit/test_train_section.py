@@ -133,10 +133,9 @@ def test_a_configured_train_of_gear_geometry_matches_the_library():
     )
     # The torque of the second mesh follows from statics, which changes its rounding.
     for name in ("cosines", "sines"):
-        one, other = (
-            getattr(t.meshes[1].transmission_error, name) for t in (library_train, configured_train)
-        )
-        assert other == pytest.approx(one, rel=1e-9, abs=1e-15)
+        coefficients = getattr(library_train.meshes[1].transmission_error, name)
+        configured = getattr(configured_train.meshes[1].transmission_error, name)
+        assert configured == pytest.approx(coefficients, rel=1e-9, abs=1e-15)
     second = replace(configured_train.meshes[1], transmission_error=meshes[1].transmission_error)
     assert configured_train.replace(meshes=(configured_train.meshes[0], second)) == library_train
 

@@ -52,8 +52,8 @@ def build_wheel(source, folder):
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory):
     """Return the source archive, built with only the packages that pyproject.toml requires."""
-    given = os.environ.get("GEARLIB_DIST")
-    folder = Path(given).resolve() if given else tmp_path_factory.mktemp("dist")
+    given_folder = os.environ.get("GEARLIB_DIST")
+    folder = Path(given_folder).resolve() if given_folder else tmp_path_factory.mktemp("dist")
     python = new_environment(tmp_path_factory.mktemp("builder"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     install(python, *project["build-system"]["requires"])
