@@ -1,4 +1,4 @@
-"""Values outside and inside of what a declaration allows, see `gearlib.parameters`.
+"""Values just outside and just inside the range of a declaration, see `gearlib.parameters`.
 
 The numbers to try are read from the words of the requirement.
 """

@@ -1,4 +1,4 @@
-"""The explorer: what its sliders make of a configuration, what is drawn, and one real browser."""
+"""The explorer: configurations made by its sliders, its figures, and a real browser."""
 
 import math
 import re

@@ -91,7 +91,7 @@ def test_a_moving_axis_in_the_housing_beside_a_turning_carrier_is_refused():
 
 
 def test_a_configuration_gives_the_same_train_as_python():
-    """Natural frequencies must equal those of `mixed_train`, built in Python."""
+    """Natural frequencies must equal the ones of `mixed_train`, which is built in Python."""
     gear = {"module": 0.004, "width": 0.05}
     section = {
         "kind": "planetary_set",

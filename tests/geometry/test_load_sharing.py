@@ -158,7 +158,7 @@ def test_equilibrium_matches_root_finding_by_scipy(count, coupled):
             return forces(x).sum() - load
 
         x = brentq(force_surplus, gap.min(), gap.max() + 50.0, xtol=1e-13)
-        # The tolerance allows for that of Brent's method and for conditioning.
+        # The bound allows for the tolerance of Brent's method and for conditioning.
         assert equilibrium.displacement[load_index, phase_index] == pytest.approx(x, abs=1e-11)
         np.testing.assert_allclose(
             equilibrium.force[load_index, phase_index, in_reach], forces(x), atol=1e-10

@@ -97,7 +97,7 @@ def phase_difference(phases, others, period=1.0):
 
 
 def assert_same_phases(train, machine):
-    """Assert that phases and speeds of a train match those of the `Machine`, mesh by mesh."""
+    """Assert that phases and speeds of a train equal the ones of its `Machine`, mesh by mesh."""
     drive, coast = ([machine.phase(mesh, side) for mesh in machine.meshes] for side in (0, 1))
     assert phase_difference([*train.phases.values()], drive) < 1e-9
     assert phase_difference([*train.coast_phases.values()], coast) < 1e-9

@@ -42,7 +42,7 @@ def test_a_planetary_set_takes_its_parameters_from_its_gears():
     inner = GearStage(planet, ring).stiffness("iso", torque=100.0 * 36 / 27)
     assert train.meshes[-1].mean_stiffness == pytest.approx(inner.mean_stiffness, rel=1e-12)
     assert train.meshes[-1].internal and not mesh.internal
-    # By Willis' equation the torque of the carrier is that of the sun times 1 + z_r / z_s.
+    # By Willis' equation the torque of the carrier is 1 + z_r / z_s times the torque of the sun.
     assert train.by_name["carrier"].torque == pytest.approx(-300.0 * (1 + 99 / 27), rel=1e-12)
 
 

@@ -126,7 +126,7 @@ class Train(System):
             self.spring(x - y, shaft["bending_stiffness"], shaft["bending_damping"])
 
     def add_rotating_frame_forces(self):
-        """Add Coriolis and centrifugal forces, and those of dampers of supports at rest."""
+        """Add Coriolis and centrifugal forces, and damping forces of supports at rest."""
         pinion = self.reference["pinion"]
         w = self.model["carrier_ratio"] * self.context.mpf(self.speeds[pinion]) * self.speed
         for body in self.bodies.values():

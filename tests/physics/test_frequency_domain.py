@@ -27,7 +27,7 @@ def test_motion_at_constant_stiffness_matches_the_closed_form():
     coefficients[0], coefficients[2] = 1.0, 0.15 / nu**2 / dynamic_stiffness
     for result in (harmonic_balance(pair, nu, harmonics=8), schmidt(pair, nu, harmonics=8)):
         np.testing.assert_allclose(result.coefficients, coefficients, rtol=0, atol=1e-10)
-        # The multipliers are those of x'' + 2 beta / nu x' + x / nu^2 = 0 with beta = 0.1.
+        # The multipliers follow from x'' + 2 beta / nu x' + x / nu^2 = 0 with beta = 0.1.
         exponent = (-0.1 + 1j * math.sqrt(1.0 - 0.01)) / nu
         np.testing.assert_allclose(
             sorted(result.multipliers, key=lambda m: m.imag),

@@ -119,7 +119,7 @@ def test_blocks_at_constant_speed_match_the_spectrum(variable, name):
     assert orders.order.values == pytest.approx(spectrum.order.values, rel=1e-14)
     exact = spectrum[f"{name}_amplitude"].values
     assert_block_has(orders.isel(time=0), exact, float(run.speed))
-    # Phases of the spectrum refer to the mesh phase 0, those of the map to the first sample.
+    # Phases of the spectrum refer to the mesh phase 0, but phases of the map to the first sample.
     begin = orders.order.values / PAPER.teeth * float(run.phase[0])
     rotation = np.exp(1j * (orders.phase[0].values - spectrum[f"{name}_phase"].values - begin))
     assert np.abs(exact * (rotation - 1.0)).max() < 1e-7 * exact.max()
@@ -185,7 +185,7 @@ def test_a_gap_removes_only_the_revolutions_that_it_touches(begin, missing):
     ((start, end),) = json.loads(order_map.attrs["left_out"])
     assert turns(start) == pytest.approx(math.floor(turns(begin)), abs=1e-3)
     assert end >= begin + 0.05 and "gap" in order_map.attrs["comment"]
-    # The highest order by default is that of the signal without a gap.
+    # A gap must not change the default of the highest order.
     options = {"variable": "acceleration"}
     orders = [gearlib.order_map(d, **options).order[-1] for d in (data, data_with_gap)]
     assert orders[0] == orders[1] > 90.0

@@ -127,7 +127,7 @@ def test_damping_may_open_a_closed_tongue_again():
 
 
 def test_tongues_of_a_single_harmonic_match_mathieus_equation():
-    """With one harmonic the stiffness is that of Mathieu's equation, whose edges scipy knows."""
+    """A stiffness with one harmonic gives Mathieu's equation, whose edges scipy computes."""
     model = OneDegreePair(pair=mesh(contact_ratio=1.5, stiffness_ratio=0.9), profile=Fourier(1))
     ripple = abs(model.profile.pieces(model.pair).harmonics[0, 1])
     tongue_of_order = {tongue.order: tongue for tongue in find_tongues(model, 0.5, 3.0)}

@@ -23,7 +23,7 @@ GROWS = np.array([False, False, True, True, True, True, True])
 
 
 def test_motions_inside_the_tongue_are_labelled_unbounded():
-    # The growth of the linear motion, in permanent contact, decides on that of large motions.
+    # Large motions grow where the linear motion in permanent contact grows.
     assert ((meissner.growth(1.3, 0.4, 0.02, TUNINGS) > 0.0) == GROWS).all()
     result = classify_at_tunings(PAIR, TUNINGS)
     names = [LABELS[code] for code in result.label.values]

@@ -1,4 +1,4 @@
-"""Certificates against a second program, wrong candidates, and what is known in closed form.
+"""Certificates against a second program, closed forms and wrong candidates.
 
 ``GEARLIB_CERTIFICATES=10000`` takes so many random orbits in place of a few: ten minutes.
 """

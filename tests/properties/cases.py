@@ -40,7 +40,7 @@ def between(low, high):
 
 
 def logarithmic(low, high):
-    """Return a strategy of numbers whose logarithms lie between those of two bounds."""
+    """Return a strategy of numbers that are uniform on a logarithmic scale between two bounds."""
     return between(math.log10(low), math.log10(high)).map(lambda power: 10.0**power)
 
 

@@ -64,7 +64,7 @@ INSTALLED = {method for method in METHODS if integrators.describe_method(method)
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("method", sorted(INSTALLED))
 def test_a_motion_matches_the_exact_method(method, name):
-    """Compare samples, events and statistics of a method with those of the exact one."""
+    """Compare samples, events and statistics of a method with the exact method."""
     accuracy, case = METHODS[method], MOTIONS[name]
     settings = {"periods": case.periods, "record_periods": case.periods, "samples_per_period": 64}
     settings["initial_state"] = case.state
@@ -106,7 +106,7 @@ def test_a_sweep_matches_its_single_runs(model, method, options):
         sweep_row = table.sel(tuning=nu)
         for name in {"final_state", *(column.name for column in COLUMNS)} & set(single_run):
             if name.endswith(("max", "min")) and method not in integrators.AUTOMATIC:
-                # Extrema of a single run include samples, those of a sweep step ends only.
+                # Extrema of a single run include samples, but extrema of a sweep only step ends.
                 difference = single_run[name] - sweep_row[name]
                 assert ((difference if name.endswith("max") else -difference) >= 0.0).all()
             else:

@@ -109,7 +109,7 @@ def test_tongues_and_phasing_use_the_phases_of_loaded_coast_sides():
 
 
 def test_a_run_up_on_the_coast_side_reports_its_largest_forces():
-    """The largest forces of a reversed train, also in its plot, must equal those of drive sides."""
+    """Largest forces on coast sides, also in the plot, must equal the ones on drive sides."""
     train = MODELS["planetary"]
     # The speed is nearly constant, because inertia forces of a fast run-up would load the drive
     # side

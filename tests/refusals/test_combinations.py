@@ -1,4 +1,4 @@
-"""The rows of `combinations.yaml`: what is refused in one sentence, and what no argument may be."""
+"""Inconsistent values, by the rows of `combinations.yaml`, are refused in one sentence."""
 
 import ast
 import inspect

@@ -14,7 +14,7 @@ class SharedLocator(UserProvidedCacheLocator):
 
     @classmethod
     def get_suitable_cache_subpath(cls, py_file):
-        """Return the folder: that of a kernel of gearlib by its name, others as numba has them."""
+        """Return the name of the cache folder, for kernels of gearlib the name of their own folder."""
         folder = Path(py_file).parent
         if "engines" in folder.parts or folder.name == "steps":
             return folder.name

@@ -27,7 +27,7 @@ def test_a_train_at_rest_on_its_flanks_begins_in_contact():
 
 @pytest.mark.parametrize("load", [3000.0, -3000.0, 0.0])
 @pytest.mark.parametrize("line", [1, -1])
-def test_a_start_at_rest_on_a_flank_line_has_the_contact_that_the_load_presses_on(line, load):
+def test_a_start_at_rest_on_a_flank_line_has_contact_only_if_the_load_closes_it(line, load):
     """Start at rest on the line of the drive side, 1, or of the coast side, -1, under each load."""
     train = pairs_as_train(PAIR)
     torques = [replace(body, torque=load * body.base_radius) for body in train.bodies]

@@ -65,7 +65,7 @@ def precise_system(train):
 
 
 def assert_static_forces(train, system, stiffness):
-    """Assert that mean forces of a train match those of the linear system of mean stiffness."""
+    """Assert that mean forces of a train match a linear system with its mean stiffness."""
     torques = [mpf(float(value)) for value in train.structure.load]
     # The torques are in balance up to rounding, so that one gear can be fixed.
     fixed = system.names.index((train.reference_mesh.pinion, "u"))

@@ -103,7 +103,7 @@ def test_a_reduced_rotor_moves_as_the_full_one():
     assert results[1] == pytest.approx(results[0], rel=2e-3)
 
 
-def test_a_planetary_train_as_its_own_matrices_moves_the_same():
+def test_a_planetary_train_given_by_its_own_matrices_has_the_same_motion():
     train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
     train_of_matrices = as_matrices(train)
     options = {"periods": 20, "record_periods": 2, "samples_per_period": 16}
@@ -113,7 +113,7 @@ def test_a_planetary_train_as_its_own_matrices_moves_the_same():
     assert runs[1] == pytest.approx(runs[0], abs=1e-11)
 
 
-def test_studies_of_a_train_of_matrices_match_those_of_bodies():
+def test_studies_of_a_train_of_matrices_match_the_same_train_of_bodies():
     """Orbits, proofs, branches, sensitivities, run-ups and tongues must not depend on the form."""
     trains = pair_of_bodies(stiffness_ratio=0.7), pair_of_matrices()
     orbits = [gearlib.periodic_orbit(train, 0.7) for train in trains]

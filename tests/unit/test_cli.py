@@ -180,7 +180,7 @@ def test_optional_keys_of_a_new_project_are_shown_as_comments(run):
     run("init mine")
     assert "mine/config.yaml exists: choose another folder" in run("init mine", code=2)
     text = Path("mine/config.yaml").read_text(encoding="utf-8")
-    # The first "shift" is that of the pinion.
+    # The first "shift" belongs to the pinion.
     line = next(line for line in text.splitlines() if line.strip().startswith("# shift:"))
     gears = config.load(yaml.safe_load(text.replace(line, "    shift: 0.3", 1))).gears
     assert (gears.pinion.shift, gears.pinion.module, gears.torque) == (0.3, 2.5e-3, 85.0)

@@ -182,7 +182,7 @@ def test_editors_find_the_schema_which_accepts_the_configurations_of_the_project
         lambda settings: settings.update(targets=["published"]),
     ],
 )
-def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, change):
+def test_the_schema_refuses_missing_unknown_and_out_of_range_values(schema, change):
     settings = copy.deepcopy(CONFIG)
     change(settings)
     assert not schema.is_valid(settings)

@@ -43,7 +43,7 @@ def fractions(normal):
         ("state", REFERENCE, {"state": (9.0, 0.0), "high": 1999.0}, "invented_motion"),
         ("state", REFERENCE, {"state": (9.0, 0.0), "high": 2e4}, "diverged"),
         ("state", REFERENCE, {"state": (9.0, 0.0), "high": math.inf}, "diverged"),
-        # Errors are relative to the height 2 of REFERENCE; that of a velocity counts nu = 2 times.
+        # Errors are relative to the height 2 of REFERENCE; errors of velocities count nu = 2 times.
         ("state", REFERENCE, {"state": (1.019, 0.0)}, "right"),
         ("state", REFERENCE, {"state": (1.021, 0.0)}, "inaccurate"),
         ("state", REFERENCE, {"state": (1.0, -0.009)}, "right"),

@@ -1,4 +1,4 @@
-"""Gears by geometry: what a configuration derives of them, and the table of their numbers."""
+"""Gears given by geometry: models that a configuration derives, and the table of quantities."""
 
 import json
 import math

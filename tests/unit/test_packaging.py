@@ -35,7 +35,7 @@ def expected_bounds(*extras):
     return python | {CONDA.get(name, name): bound for name, bound in rows.items()}
 
 
-def test_conda_environments_have_what_pip_installs_and_everything_is_pinned():
+def test_conda_environments_match_the_dependencies_of_pip_and_all_are_pinned():
     """Compare both conda environments and the constraints with pyproject.toml."""
     packages = bounds(load("environment.yml")["dependencies"])
     assert packages.pop("pip") is None

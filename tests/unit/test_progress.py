@@ -1,4 +1,4 @@
-"""Long calls: the time after which they return what is done, and bars that show their progress."""
+"""Long calls: partial results after a time limit, and progress bars."""
 
 import io
 import json

@@ -52,7 +52,7 @@ def assert_values_match_texts(text, value):
         for key in text if isinstance(text, dict) else range(len(text)):
             assert_values_match_texts(text[key], value[key])
     elif isinstance(value, float) and isinstance(text, str):
-        # The base units of pint are those of SI; conversion factors are rounded.
+        # The base units of pint are SI units; conversion factors are rounded.
         expected = REGISTRY.Quantity(text).to_base_units().magnitude
         assert value == pytest.approx(expected, rel=1e-14), text
 
@@ -74,7 +74,7 @@ def test_a_predefined_train_matches_the_library(kind):
 
 def test_texts_are_read_in_si_units():
     assert_values_match_texts(EVERY, load(CONFIG | {"train": EVERY}).train.model_dump())
-    # The example has all keys of parts but those of gear geometry, which OWN has.
+    # The example has all keys of parts except the keys of gear geometry, which OWN has.
     geometry = {"gear", "line_of_action", *train_section.GEOMETRY_KEYS} - {"material_damping"}
     for part, keys in (("Body", "bodies"), ("Shaft", "shafts"), ("Mesh", "meshes")):
         fields = getattr(train_section, f"{part}Part").model_fields

@@ -102,7 +102,7 @@ def test_the_record_of_a_settled_orbit_matches_an_engine_without_shortcut():
 
 @pytest.mark.parametrize("damping", [0.01, 0.03])
 def test_the_reported_period_matches_the_settled_motion(damping):
-    """A reported period must be that of a run of 20,000 periods, or 0 if it is unknown."""
+    """A reported period must match a run of 20,000 periods, or be 0 for unknown."""
     # After five revolutions, 115 mesh periods, many motions differ by more than the tolerance from
     # period to period, but by less over two periods, so that a period of 2 would be reported
     # wrongly.

@@ -187,6 +187,11 @@ def test_a_wrong_configuration_is_refused_in_one_sentence(project):
         assert "Traceback" not in printed and ".smk" not in printed
         return printed.splitlines()[-1]
 
+    correlations = "correlations: [{parameters: [load, backlash], rho: 0.4}]"
+    project.snakemake("-n", "-q", "--config", f"tolerances={{{correlations}}}")
+    gamma = "parameters: [{parameter: load, distribution: gamma, shape: {b: 2.0}}]"
+    message = refusal("--config", f"tolerances={{{gamma}}}")
+    assert message.startswith("tolerances.parameters[0]")
     (project / "mine.yaml").write_text(yaml.safe_dump(OWN), encoding="utf-8")
     assert refusal("reducer", "--configfile", "mine.yaml").startswith("reducer.teeth is missing")
     assert "No rule to produce resonace" in project.snakemake("-n", "resonace", succeed=False)

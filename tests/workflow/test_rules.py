@@ -1,4 +1,4 @@
-"""Rules and captions, for the paper's gears and for those of a user."""
+"""Rules and captions for the paper's gears and for gears of a user."""
 
 import pytest
 import yaml

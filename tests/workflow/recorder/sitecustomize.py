@@ -1,4 +1,4 @@
-"""Runs at the start of each process of the small workflow: records what a job is and loads."""
+"""Record the rule and the loaded modules of each job of the small workflow, at its start."""
 
 import atexit
 import json
@@ -10,7 +10,7 @@ _ENVIRONMENT = dict(os.environ)
 
 
 def write_record():
-    """Write what this job is and has loaded to the folder GEARLIB_RECORDS, as JSON."""
+    """Write the rule and the loaded modules of this job to the folder GEARLIB_RECORDS, as JSON."""
     # Snakemake puts this object into the main module of a job.
     job = getattr(sys.modules["__main__"], "snakemake", None)
     if not hasattr(job, "rule"):
