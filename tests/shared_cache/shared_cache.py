@@ -14,7 +14,7 @@ class SharedLocator(UserProvidedCacheLocator):
 
     @classmethod
     def get_suitable_cache_subpath(cls, py_file):
-        """Return the name of the cache folder, for kernels of gearlib the name of their own folder."""
+        """Return the name of the cache folder; kernels of gearlib use the name of their folder."""
         folder = Path(py_file).parent
         if "engines" in folder.parts or folder.name == "steps":
             return folder.name
