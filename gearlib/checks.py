@@ -44,14 +44,13 @@ def below(section, owner="", **names):
     try:
         yield
     except InputError as error:
-        first, dot, rest = error.path.partition(".")
-        owner = owner or error.owner
-        if error.path in names:
-            path, owner = names[error.path], ""
-        elif first in names:
-            path, owner = f"{names[first]}{dot}{rest}", ""
+        path, owner = error.path, owner or error.owner
+        for name, place in names.items():
+            if path == name or path.startswith(f"{name}."):
+                path, owner = place + path[len(name) :], ""
+                break
         else:
-            path = f"{section}{'.' if section and error.path[:1] != '[' else ''}{error.path}"
+            path = f"{section}{'.' if section and path[:1] != '[' else ''}{path}"
         raise InputError(path, error.value, error.requirement, error.problem, owner) from None
 
 

@@ -133,14 +133,13 @@ def _named_distribution(key: str, tolerance: Any) -> Marginal:
         if parameter == "distribution":
             continue
         if parameter not in allowed_names:
-            raise ValueError(
-                f"{key}.{parameter} is not allowed: the parameters of {name!r} are "
-                f"{', '.join(allowed_names)}"
-            )
+            problem = f"is not allowed: the parameters of {name!r} are {', '.join(allowed_names)}"
+            raise checks.InputError(f"{key}.{parameter}", problem=problem)
         numbers[parameter] = parameters.check(f"{key}.{parameter}", value, Finite)
     for shape in shapes:
         if shape not in numbers:
-            raise ValueError(f"{key}.{shape} is missing: {name!r} needs {', '.join(shapes)}")
+            problem = f"is missing: {name!r} needs {', '.join(shapes)}"
+            raise checks.InputError(f"{key}.{shape}", problem=problem)
     distribution = family(**numbers)
     with np.errstate(all="ignore"):
         median, mean = float(distribution.median()), float(distribution.mean())

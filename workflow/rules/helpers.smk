@@ -13,6 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from snakemake.logging import logger
+from gearlib import checks
 from gearlib import config as configuration
 from gearlib import integrators, processor, tunings
 from gearlib.config import gear_names, measured_description, targets, validation
@@ -69,8 +70,9 @@ def check_tables_and_distributions(checked):
     if checked.tolerances.needs_scipy() and not targets.refusal("tolerances", checked):
         from gearlib.uncertainty import distributions
 
-        keys = checked.tolerances.config_keys()
-        distributions.read(checked.tolerance_distributions(), known_parameters(), keys=keys)
+        keys = checked.tolerances.config_keys().items()
+        with checks.below("", **{f"tolerances.{name}": key for name, key in keys}):
+            distributions.read(checked.tolerance_distributions(), known_parameters())
 
 
 def checked_configuration(changes):
