@@ -40,13 +40,14 @@ def analytic_method_study(
 ) -> xr.Dataset:
     """Compare the paper's analytic method and harmonic balance with exact orbits of a gear pair.
 
-    The paper's method is E. Schmidt's: successive approximations, with Newton steps for a few
-    degenerate (near-resonant) harmonics. The range of convergence and the resonance curve are
-    computed at `tunings`; `run` has periods and record_periods of the exact sweeps. `settings` have
-    shown (the tunings of single solutions), harmonics (number of harmonics of a solution),
-    iterations (number of iterates), iteration_harmonics (number of their harmonics),
-    balance_harmonics and schmidt_harmonics (the numbers of harmonics at which the errors of each
-    method are computed), and most_degenerate (largest number of degenerate harmonics).
+    The analytic method is E. Schmidt's: successive approximations, with Newton steps for the few
+    harmonics that are near resonance ("degenerate"). `tunings` (mesh frequency over natural
+    frequency) are those of the resonance curve and of the range of convergence. `run` has the
+    arguments periods and record_periods of `gearlib.sweep`, the numbers of computed and of
+    evaluated mesh periods. `settings` has the keys shown (tunings of single solutions), harmonics
+    (of a solution), iterations (number of iterates), iteration_harmonics (of an iterate),
+    balance_harmonics and schmidt_harmonics (lists of numbers of harmonics, for which the error of
+    each method is computed), and most_degenerate (largest number of degenerate harmonics).
     """
     data = stacked(
         {"direction": WARM_STARTED},
@@ -75,16 +76,19 @@ def analytic_method_study(
 
 
 def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
-    """Return the iterates of E. Schmidt's method from the static deflection, and their errors.
+    """Return the iterates of E. Schmidt's method from the static deflection on, with their errors.
 
-    `settings` have iterations (number of iterates), iteration_harmonics (number of harmonics of the
-    iterates) and harmonics (number of harmonics of the solution). In the dataset,
-    degenerate_chosen is the number of degenerate (near-resonant) harmonics, and algebraic_step is 1
-    for iterates before a Newton step for these harmonics.
+    E. Schmidt's method improves a periodic motion by successive approximations, and the harmonics
+    near resonance ("degenerate") by Newton steps. `tuning` is mesh frequency over natural
+    frequency. `settings` has the keys iterations (number of iterates), iteration_harmonics (number
+    of harmonics of an iterate) and harmonics (of the converged solution). In the dataset,
+    degenerate_chosen is the number of degenerate harmonics; algebraic_step is 1 for iterates before
+    a Newton step.
     """
     count = settings["iterations"] + 1
     iterates = np.full((count, _SAMPLES), np.nan)
     takes_newton_step = np.zeros(count, np.int8)
+    # The first item is the displacement, at _SAMPLES equal steps of a mesh period.
     exact = exact_motion(periodic_orbit(pair, tuning), _SAMPLES)[0]
     equation = MeshEquation(pair, tuning, settings["iteration_harmonics"])
     # Only the degenerate harmonics of the solution are used, so it may start at the exact orbit.
@@ -92,7 +96,7 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
     degenerate = np.array(solution.degenerate, int)
     coefficients = first_coefficients(equation, guess=None)
     steps = iterate(equation, coefficients, degenerate, _TOLERANCE)
-    # The norm of the last Newton step, inf before the first one, changes if a step is taken.
+    # A Newton step has been taken if its norm, which is inf before the first one, has changed.
     last_step_norm = np.inf if degenerate.size else 0.0
     for j in range(count):
         iterates[j] = equation.to_grid(coefficients)[:: equation.samples // _SAMPLES]
@@ -114,19 +118,23 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
 
 
 def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) -> dict:
-    """Compute contraction factors at exact orbits, and whether E. Schmidt's iterations converge.
+    """Compute contraction factors of E. Schmidt's iteration, and whether it converges.
 
-    The result maps names to variables over contact_loss (without, with), degenerate_count (number
-    of harmonics solved by Newton steps, 0 to `most_degenerate`) and tuning; `harmonics` is the
-    number of all harmonics.
+    The contraction factor is the factor by which one successive approximation changes a small
+    error. Return a dict of variable names and variables over contact_loss (a pair without backlash,
+    which never loses contact; then the given pair), degenerate_count (number of harmonics solved by
+    Newton steps, 0 to `most_degenerate`) and tuning (mesh frequency over natural frequency).
+    `harmonics` is the number of all harmonics.
     """
     counts = range(most_degenerate + 1)
 
     def convergence_at(model: GearPair, tuning: float) -> dict:
         """Return contraction factors and convergence for each number of degenerate harmonics.
 
-        "automatic" is the number of degenerate harmonics that the iteration selects by itself.
-        Iterations start at the lowest harmonics of the exact orbit: near it, but not on it.
+        Degenerate harmonics are near resonance and solved by Newton steps; "automatic" is the
+        number of those that the iteration selects by itself. It starts at the lowest
+        `_START_HARMONICS` harmonics of the exact orbit, so near this orbit but not on it. Factors
+        are NaN if there is no exact orbit.
         """
         factors = np.full(len(counts), np.nan)
         converged = np.zeros(len(counts), np.int8)
@@ -139,7 +147,7 @@ def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) 
         start = np.where(np.arange(exact.size) <= _START_HARMONICS, exact, 0.0)
         limits = {"tolerance": _TOLERANCE, "max_applications": _MAX_APPLICATIONS}
         for i in counts:
-            degenerate = degenerate_harmonics(equation, i)
+            degenerate = degenerate_harmonics(equation, i)  # the i harmonics nearest to resonance
             factors[i] = contraction_factor(equation, exact, degenerate)
             _, _, converged[i], _ = iterate_until_converged(
                 equation, start, degenerate, adapt_degenerate=False, **limits
@@ -156,9 +164,11 @@ def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) 
 
 
 def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: dict) -> dict:
-    """Compute the errors of both methods against exact orbits by tuning and number of harmonics.
+    """Compute the errors of both approximate methods for each tuning and number of harmonics.
 
-    `harmonic_counts` maps "balance" (harmonic balance) and "schmidt" to the numbers of harmonics.
+    Errors are differences from exact periodic orbits, computed by shooting. `tunings` are mesh
+    frequencies over the natural frequency. `harmonic_counts` maps "balance" (harmonic balance) and
+    "schmidt" (E. Schmidt's method) to lists of numbers of harmonics. Return a dict of variables.
     """
     orbits = {tuning: periodic_orbit(pair, tuning) for tuning in tunings}
     guesses = {tuning: exact_motion(orbits[tuning], _GUESS_SAMPLES)[0] for tuning in orbits}
@@ -166,7 +176,11 @@ def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: di
     for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
 
         def errors_at(tuning: float, harmonics: int, name: str = name, solve: Any = solve) -> dict:
-            """Return the errors of the solution with this number of harmonics at a tuning."""
+            """Return the errors of displacement and velocity of one solution, as variable -> error.
+
+            The solution is computed by the function `solve` with this number of `harmonics` at a
+            tuning. The defaults bind the current values of the loop.
+            """
             solution = solve(pair, tuning, harmonics=harmonics, guess=guesses[tuning])
             error = errors(solution, orbits[tuning])
             values = {"displacement": error.displacement, "velocity": error.velocity}
@@ -178,11 +192,13 @@ def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: di
 
 
 def _resonance_curve(pair, direction, tunings, harmonics, run) -> dict[str, np.ndarray]:
-    """Return extrema and stability of harmonic balance solutions, and extrema of an exact sweep.
+    """Return the resonance curve of a gear pair by harmonic balance and by an exact sweep.
 
-    Both follow the tunings in the `direction` "up" or "down". `harmonics` is the number of
-    harmonics of harmonic balance, and `run` has arguments of `gearlib.sweep`. Values are NaN where
-    no solution is found.
+    It consists of the extrema of the displacement by both methods, and the stability of the
+    solutions of harmonic balance. Both methods follow the `tunings` (mesh frequency over natural
+    frequency) in the `direction` "up" or "down", each starting from its result at the previous
+    tuning. `harmonics` is the number of harmonics, `run` has further arguments of `gearlib.sweep`.
+    Values of harmonic balance are NaN where it finds no solution.
     """
     curve = sweep(pair, tunings, direction=direction, **run)
     exact = {name: curve[name].values for name in ("displacement_max", "displacement_min")}
@@ -204,10 +220,11 @@ def _resonance_curve(pair, direction, tunings, harmonics, run) -> dict[str, np.n
 
 
 def _next_solution(pair: GearPair, tuning: float, harmonics: int, neighbour: Any) -> Any:
-    """Return a solution of harmonic balance at a tuning, None if none is found.
+    """Return a periodic solution of harmonic balance at a tuning, or None if none is found.
 
-    `neighbour` is the solution at the neighbouring tuning, or None. It is the first guess; the
-    default guess is the second.
+    The first initial guess is `neighbour`, the solution at the neighbouring tuning, unless it is
+    None. The second one is the default of `harmonic_balance`. `harmonics` is the number of
+    harmonics.
     """
     guesses = [None] if neighbour is None else [neighbour, None]
     for guess in guesses:

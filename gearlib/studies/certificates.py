@@ -46,14 +46,16 @@ _CONTACT_LETTERS = {DRIVE: "D", NO_CONTACT: "F", COAST: "C"}
 def certify_branches(
     pairs: dict[str, GearPair], branches: dict, tunings, all_points: bool = False
 ) -> list[dict]:
-    """Certify the periodic orbits of several gear pairs, and return a dict for each certificate.
+    """Certify the periodic orbits of several gear pairs, and return one dict per certificate.
 
-    `pairs` maps names of dampings to pairs, `branches` maps them to results of
+    `pairs` maps names of damping combinations to pairs, `branches` the same names to datasets with
+    the branches of orbits over tuning (mesh frequency over natural frequency), as returned by
     `gearlib.studies.resonance.branches`. Orbits are certified at `tunings`, at the two tunings of
-    the paper's Fig. 6, and above its range of contact loss. A dict is a `Certificate.as_dict`, or
-    has the claim "refusal" and the message why a proof failed, or the claim "count" and the number
-    of points of the branches by outcome. With `all_points`, the certificates of these points are
-    included. Certificates of a reducer ("gears": "reducer") are added for the first damped pair.
+    the paper's Fig. 6, and at one above the paper's range of contact loss. A dict has the fields of
+    `Certificate.as_dict`; or the claim "refusal" and a message why the proof failed; or the claim
+    "count" and the number of points of the branches by outcome. With `all_points`, the certificates
+    of these points are included. For the first damped pair, certificates of a reducer ("gears":
+    "reducer") are added.
     """
     tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_CONTACT_LOSS})
     certificates = []
@@ -82,7 +84,10 @@ def certify_branches(
 
 
 def _rounded(values: Any) -> np.ndarray:
-    """Return an array of values rounded to `_DIGITS` significant digits."""
+    """Return an array of values rounded to `_DIGITS` significant digits.
+
+    Processors agree on these digits, so files of certificates have the same bytes everywhere.
+    """
 
     def rounded_value(value: float) -> float:
         """Return a number rounded to `_DIGITS` significant digits."""
@@ -92,27 +97,31 @@ def _rounded(values: Any) -> np.ndarray:
 
 
 def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) -> dict:
-    """Certify an orbit at a tuning, or for all tunings up to `last_tuning`; return a dict.
+    """Prove existence and stability of an orbit, and return the certificate as a dict.
 
-    The claim of the dict is "refusal" if the proof fails.
+    The proof holds at `tuning` (mesh frequency over natural frequency) or, with `last_tuning`, for
+    all tunings between both. If it fails, the dict has the claim "refusal", and the status and the
+    message of the failure.
     """
     orbit = replace(orbit, state=_rounded(orbit.state))
     outcome = certify(orbit) if last_tuning is None else certify_range(orbit, to=last_tuning)
     if outcome:
         return outcome.as_dict()
+    # The outcome of a failed proof is false. Hexadecimal numbers are exact.
     failure = {"claim": "refusal", "status": outcome.status, "message": outcome.message}
     return failure | {"tuning": float(tuning).hex()}
 
 
 def _reducer_certificates(pair: GearPair) -> list[dict]:
-    """Certify the motion of a reducer that is equal in all branches; return the certificates.
+    """Certify the motion of a reducer that is equal in all its branches; return the certificates.
 
-    All meshes of the reducer have the properties of `pair`. Tunings of `REDUCER_TUNINGS` at which
-    no orbit is found are left out.
+    The reducer shares the power between equal branches, and each of its meshes has the properties
+    of `pair`. `REDUCER_TUNINGS` are two values of mesh frequency over natural frequency, at which
+    this motion is stable and unstable. A tuning at which no orbit is found is left out.
     """
     reducer = split_power_reducer(pair, teeth=REDUCER_TEETH)
     start = reducer.start_state("static")
-    common_period = reducer.repeats  # mesh periods
+    common_period = reducer.repeats  # mesh periods after which the phases of all meshes repeat
     certificates = []
     for tuning in REDUCER_TUNINGS:
         try:
@@ -126,8 +135,9 @@ def _reducer_certificates(pair: GearPair) -> list[dict]:
 def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     """Certify ranges of tunings with an orbit that never loses contact; return the certificates.
 
-    `branch` has the points of all branches of the pair; a range lies between two successive
-    special points, and its ends are multiples of `_TUNING_STEP`.
+    The tuning is mesh frequency over natural frequency. `branch` is a dataset with the points of
+    all branches of orbits of `pair`. A range lies between two successive special points (folds,
+    period doublings, grazings), and its ends are multiples of `_TUNING_STEP`.
     """
     tuning, label = branch.tuning.values, branch.label.values
     branch_number = branch.branch.values
@@ -162,7 +172,8 @@ def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
 def _orbit_certificates(pair: GearPair, branch: xr.Dataset, tuning: float) -> list[dict]:
     """Certify all orbits of one mesh period on the branches at a tuning; return the certificates.
 
-    `branch` has the points of all branches of the pair.
+    The tuning is mesh frequency over natural frequency. `branch` is a dataset with the points of
+    all branches of orbits of `pair`. An orbit that two branches share is certified once.
     """
     states: list[np.ndarray] = []
     certificates = []
@@ -179,13 +190,15 @@ def _orbit_certificates(pair: GearPair, branch: xr.Dataset, tuning: float) -> li
 
 
 def _crossings(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
-    """Yield the states, interpolated between points, at which branches of period one pass a tuning.
+    """Yield approximate states of the orbits at a tuning, as initial guesses for shooting.
 
-    `branch` has the points of all branches.
+    A state is interpolated linearly between the two points at which a branch of orbits of one mesh
+    period passes the tuning. `branch` is a dataset with the points of all branches.
     """
     difference = branch.tuning.values - tuning
     branch_number = branch.branch.values
     states, period = branch.state.values, branch.period.values
+    # The tuning is passed between point i and the next one, if both belong to the same branch.
     for i in np.flatnonzero((difference[:-1] <= 0.0) != (difference[1:] <= 0.0)):
         if branch_number[i] == branch_number[i + 1] and period[i] == 1:
             fraction = difference[i] / (difference[i] - difference[i + 1])
@@ -193,7 +206,11 @@ def _crossings(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
 
 
 def _point_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
-    """Certify all regular points on the branches of a gear pair; return the certificates."""
+    """Certify the orbit at every regular point of the branches of a pair; return the certificates.
+
+    `branch` is a dataset with the points of all branches. Regular points are those that are not
+    special, as folds and period doublings are.
+    """
     certificates = []
     for point in np.flatnonzero(branch.label.values == REGULAR):
         orbit = as_orbit(point_of_dataset(pair, branch, int(point), MAX_EVENTS).solution)
@@ -202,7 +219,10 @@ def _point_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
 
 
 def write_json(certificates: Sequence[dict], path: Path) -> None:
-    """Write certificates to a JSON file, one per line, replacing the file in one step."""
+    """Write certificates to a JSON file as a list with one certificate per line.
+
+    A temporary file replaces `path` in one step, so that a reader never finds half a file.
+    """
     lines = ",\n".join(json.dumps(certificate) for certificate in certificates)
     with replacing(path) as temporary:
         temporary.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
@@ -211,15 +231,17 @@ def write_json(certificates: Sequence[dict], path: Path) -> None:
 def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
     """Yield the rows of the table of certificates: the names of the columns, then their values.
 
-    `certificates` come from `certify_branches`; failed proofs ("refusal") and counts are left out.
-    The columns tuning and until are the first and the last tuning of a certified range, contacts
-    has a letter for each contact state in turn (`_CONTACT_LETTERS`), lowest is the smallest
-    displacement of the orbit in static deflections, reason is the argument for its stability.
+    `certificates` are the dicts of `certify_branches`; failed proofs (claim "refusal") and counts
+    are left out. The columns tuning and until are the first and the last tuning of a certified
+    range; contacts has one letter per contact state in turn: D drive-side contact, F no contact
+    (free flight), C coast-side contact. lowest is the smallest displacement of the orbit in static
+    deflections, and reason the argument for its stability.
     """
     yield ["damping", "claim", "tuning", "until", "contacts", "lowest", "stability", "reason"]
     for certificate in certificates:
         if certificate["claim"] in ("count", "refusal"):
             continue
+        # An orbit at one tuning has the key "tuning", a range the keys "start" and "stop".
         first_tuning = certificate.get("tuning", certificate.get("start"))
         contacts = "".join(_CONTACT_LETTERS[code] for code in certificate.get("pattern", ()))
         labels = [certificate[name] for name in ("damping", "gears") if name in certificate]
@@ -230,10 +252,10 @@ def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
 
 
 def _decimal(value: str | Sequence[str] | None) -> str:
-    """Return a number of a certificate as a decimal text, "" for None.
+    """Return a number of a certificate as a decimal string, "" for None.
 
-    `value` is a hexadecimal float or an enclosure, a pair of decimal texts. Enclosures are far
-    narrower than the printed digits, so their lower end is used.
+    `value` is a hexadecimal float, or an enclosure: a pair of decimal strings (lower, upper end).
+    Enclosures are far narrower than the 10 digits of the result, so their lower end is used.
     """
     if value is None:
         return ""

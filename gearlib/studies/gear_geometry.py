@@ -31,16 +31,20 @@ _GEARS = ["pinion", "wheel"]
 def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     """Compute the mesh stiffness of gear pairs by every method, over the mesh phase and as a mean.
 
-    `pairs` maps names to mappings with the values of two gears, their torque (N m) and published, a
-    mapping of sources to published mean stiffnesses (N/m). `samples` is the number of mesh phases.
-    In the dataset, own_stiffness_ratio is the smallest stiffness by a method divided by the
-    largest, and method_uncertainty the relative uncertainty of a method.
+    `pairs` maps names to dicts with the data of two gears, their torque (N m) and "published",
+    which maps sources to published mean stiffnesses (N/m). `samples` is the number of mesh phases.
+    The methods are those of ISO 6336 and variants of the energy method, see `METHODS`. In the
+    dataset, own_stiffness_ratio is the smallest stiffness by a method divided by the largest one,
+    and method_uncertainty is the relative uncertainty of a method.
     """
     meshes = {name: geometry.stage(gears) for name, gears in pairs.items()}
     phases = {name: _sampled_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
 
     def stiffness_data(pair: str, method: str) -> dict:
-        """Return the stiffness of one gear pair by one method, as variable -> value."""
+        """Return the mesh stiffness of a gear pair by a method, as variable -> value.
+
+        `pair` is a key of `pairs`, `method` a key of `METHODS`.
+        """
         name, options = METHODS[method]
         if name == "energy":  # only this method samples the mesh phase
             options = options | {"samples": samples}
@@ -70,7 +74,11 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
 
 
 def _sampled_phases(contact_ratio: float, samples: int) -> np.ndarray:
-    """Return mesh phases from -pi to pi, rad, with two points around each end of double contact."""
+    """Return increasing mesh phases from -pi to pi, rad, at which the stiffness is sampled.
+
+    They have equal steps, with two additional points around each end of double contact, where the
+    stiffness jumps. Phase 0 is the middle of double contact.
+    """
     end = math.pi * (contact_ratio % 1.0)
     end_points = end * np.array([1.0 - _JUMP_WIDTH, 1.0 + _JUMP_WIDTH])
     regular_points = np.linspace(-math.pi, math.pi, samples)
@@ -78,7 +86,11 @@ def _sampled_phases(contact_ratio: float, samples: int) -> np.ndarray:
 
 
 def _stiffness_at(stiffness: Any, phases: np.ndarray) -> np.ndarray:
-    """Return the mesh stiffness (N/m) of a `MeshStiffness` at mesh phases (rad)."""
+    """Return the mesh stiffness (N/m) at mesh phases (rad), each of the shape of `phases`.
+
+    `stiffness` is a `MeshStiffness`; its profile over the mesh phase is rectangular or tabulated.
+    Phase 0 is the middle of double contact.
+    """
     profile = stiffness.profile
     if isinstance(profile, Rectangular):
         double_contact = np.abs(phases) <= math.pi * (stiffness.contact_ratio - 1.0)
@@ -89,9 +101,10 @@ def _stiffness_at(stiffness: Any, phases: np.ndarray) -> np.ndarray:
 def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of mean stiffnesses: the names of the columns, then their values.
 
-    `stiffness` is a dataset from `mesh_stiffness`; each gear pair has a row for each method and for
-    each publication. stiffness_ratio is the smallest stiffness divided by the largest,
-    from_reference the relative deviation of the mean stiffness from the mean by `REFERENCE_METHOD`.
+    `stiffness` is a dataset from `mesh_stiffness`. Each gear pair has one row per method and one
+    per published value. stiffness_ratio is the smallest stiffness divided by the largest one;
+    from_reference is the relative deviation of the mean stiffness from that by the energy method,
+    `REFERENCE_METHOD`.
     """
     yield ["pair", "stiffness_method", "mean_stiffness", "stiffness_ratio", "from_reference"]
     for pair in stiffness.pair.values:
@@ -109,12 +122,12 @@ def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
 def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int) -> xr.Dataset:
     """Compute the static transmission error of a gear pair at several loads and tip reliefs.
 
-    `gears` has the values of two gears and the design torque (N m); pitch errors are left out.
-    `loads` are relative to the design load; `stiffness` and `phases` are arguments of
-    `GearStage.transmission_error`. The reliefs are "none"; "own", the relief of the gears if they
-    have any; "long", the best long relief at the design load; and "short", which has its amounts on
-    half of its length, because at the design load the amounts of a short relief make little
-    difference.
+    `gears` has the data of two gears and the design torque (N m); pitch errors are left out.
+    `loads` are relative to the design load. `stiffness` (name of the method) and `phases` (number
+    of mesh phases) are arguments of `GearStage.transmission_error`. The reliefs are "none"; "own",
+    that of the gears, if they have any; "long", the best long relief at the design load; and
+    "short", the same amounts on half the length, because at the design load the amounts of a short
+    relief make little difference.
     """
     torque = gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}

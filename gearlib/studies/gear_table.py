@@ -81,18 +81,19 @@ class Quantity(NamedTuple):
 def gear_quantities(
     mesh: Any, *, damping: dict | None = None, options: dict | None = None, **load: Any
 ) -> list[Quantity]:
-    """Return geometry, stiffness and load of a `GearStage` as rows of a table.
+    """Return geometry, stiffness and load of two gears in mesh as rows of a table.
 
-    `damping` has damping ratios, which hold for every stiffness method, or the coefficients
-    material_damping and backlash_damping (N s/m); None is undamped. `options` maps each stiffness
-    method to its options; `load` has torque (N m), or power (W) and speed (rpm). A method that is
-    not valid for these gears is omitted.
+    `mesh` is a `GearStage`. `damping` has damping ratios, which hold for every stiffness method, or
+    the coefficients material_damping and backlash_damping (N s/m); None means undamped. `options`
+    maps each stiffness method, "iso" or "energy", to its options. `load` has torque (N m), or power
+    (W) and speed (rpm). A method that is not valid for these gears is omitted; raise ValueError if
+    none is valid.
     """
     damping = damping or {"material_damping": 0.0}
     coefficients = {name: value for name, value in damping.items() if name in RATIOS.values()}
     ratios = {name: value for name, value in damping.items() if name not in coefficients}
     pairs = {}  # method -> `GearPair`
-    refusals = []
+    refusals = []  # errors of the methods that are not valid
     for method in METHODS:
         stiffness = {"stiffness": method, "options": (options or {}).get(method)}
         try:
@@ -120,9 +121,10 @@ def gear_quantities(
 
 
 def _note_on_ranges(pairs: dict[str, GearPair]) -> str:
-    """Return a note if the ranges of the mean stiffness by the methods do not overlap, else "".
+    """Return a note for the table if the methods contradict each other, else "".
 
-    `pairs` maps stiffness methods to the `GearPair` with their stiffness.
+    They do if the ranges of the mean stiffness, each the mean with its `UNCERTAINTY`, do not
+    overlap. `pairs` maps the name of a stiffness method to the `GearPair` with this stiffness.
     """
     means = {method: pair.mean_stiffness for method, pair in pairs.items()}
     largest_lower_end = max(mean * (1.0 - UNCERTAINTY[method]) for method, mean in means.items())
@@ -134,10 +136,10 @@ def _note_on_ranges(pairs: dict[str, GearPair]) -> str:
 
 
 def _quantities(definitions: Iterable[tuple], arguments: dict[str, tuple]) -> list[Quantity]:
-    """Evaluate quantities that are defined by (name, unit, meaning, function).
+    """Evaluate the functions of several quantities, and return a `Quantity` for each of them.
 
-    `arguments` maps the owner of a value, such as "pinion" or a stiffness method, to the arguments
-    of the functions.
+    A definition is (name, unit, meaning, function). `arguments` maps the owner of a value, such as
+    "pinion" or the name of a stiffness method, to the arguments of the functions.
     """
     quantities = []
     for name, unit, meaning, function in definitions:
@@ -147,9 +149,10 @@ def _quantities(definitions: Iterable[tuple], arguments: dict[str, tuple]) -> li
 
 
 def cells(quantities: Iterable[Quantity]) -> Iterator[list]:
-    """Yield the names of the columns, then a row for each value of each quantity.
+    """Yield the names of the columns of a table, then a row for each value of each quantity.
 
-    The column "of" names the gear, the mesh or the stiffness method to which the value belongs.
+    A quantity may have several values. The column "of" names the owner of a value: a gear, the mesh
+    or the stiffness method.
     """
     yield ["name", "of", "value", "unit", "meaning"]
     for quantity in quantities:
@@ -158,10 +161,12 @@ def cells(quantities: Iterable[Quantity]) -> Iterator[list]:
 
 
 def rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
-    """Yield the rows of the table of a configuration: of its gears or pair, then of its dampings.
+    """Yield the rows of the table of a configuration: the names of the columns, then the values.
 
-    `pairs` maps names of dampings to the gear pairs of the runs. `gears` has the values of two
-    gears, their torque and stiffness method, or is None if only the pairs are known.
+    The values are those of two gears or of a pair, then those of its damping combinations. `pairs`
+    maps names of damping combinations to the simulated pairs. `gears` has the data of two gears,
+    their torque (N m) and stiffness method, or is None if the pairs are not given by their
+    geometry.
     """
     models = {name: (pair,) for name, pair in pairs.items()}
     if gears:
@@ -173,6 +178,7 @@ def rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
         definitions = (*_PAIR_QUANTITIES, *_STIFFNESS_QUANTITIES)
         quantities = _quantities(definitions, {"pair": pair_argument})
     quantities = [quantity for quantity in quantities if quantity.name not in _DAMPING_NAMES]
+    # The first item of an entry is the name of the quantity.
     dampings = [entry for entry in _STIFFNESS_QUANTITIES if entry[0] in _DAMPING_NAMES]
     header, *body = cells([*quantities, *_quantities(dampings, models)])
     yield header
@@ -181,10 +187,11 @@ def rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
 
 
 def duty_rows(model: Any, speed: float, torque: float, stiffness_model: str) -> Iterator[Quantity]:
-    """Yield the quantities of a `LoadSharingPair` at a speed in rpm and a torque in N m.
+    """Yield the dynamic quantities of two gears at a duty point, that is a speed and a torque.
 
-    The gears, the damping and the stiffness method are taken from `model`; `stiffness_model` is a
-    description of the stiffness for the table.
+    `model` is a `LoadSharingPair`, which gives gears, damping and stiffness method; `speed` is in
+    rpm, `torque` in N m. `stiffness_model` describes the stiffness in the notes of the table. Of
+    the amplitudes of mesh orders (multiples of the mesh frequency), only the large ones are listed.
     """
     # The import is late, because a table without a duty point does not need compiled kernels.
     from gearlib.analysis.duty_point import duty_point
@@ -196,10 +203,11 @@ def duty_rows(model: Any, speed: float, torque: float, stiffness_model: str) -> 
     damping = "beta {damping_ratio:.4g}, beta_m {backlash_damping_ratio:.4g}".format(**ratios)
     notes = {"dynamic_factor": f"; {stiffness_model}; {damping}", "iso_dynamic_factor": _QUALITY}
     amplitudes = np.stack([point[name] for name in ("mesh_order_force", "mesh_order_error")])
-    # Amplitudes are NaN if there are too few samples.
+    # Amplitudes are NaN if there are too few samples; `fmax` ignores NaN.
     largest = np.fmax.reduce(amplitudes, axis=1, keepdims=True)
     is_large = amplitudes > _MIN_RELATIVE_AMPLITUDE * largest
     order_indices = np.flatnonzero(is_large.any(0))
+    # Unit in the dataset -> unit in the table, and the factor between both.
     table_units = {"m": ("um", 1e6), "min-1": ("rpm", 1.0), "1": ("", 1.0)}
     for name, variable in point.drop_vars("torque").data_vars.items():
         unit, scale = table_units.get(variable.units, (variable.units, 1.0))

@@ -35,9 +35,10 @@ _SETTLING_PERIODS, _MAX_SETTLING_PERIODS, _RECORD_PERIODS = 8.0, 140, 10
 def jobs(file: str) -> tuple[list[tuple[str, str]], list[str], dict[str, str]]:
     """List the computations that are possible with a gearbox, and why others are not.
 
-    Return the pairs (stage, load case) to compute, where equal meshes of planets count once; the
-    load cases in which the whole box can be computed; and, by the name of a stage or load case, the
-    reason why it cannot be computed.
+    `file` is the path of a REXS file. Return three items: the pairs (stage, load case) to compute,
+    in which equal meshes, such as those of several planets, count once; the load cases in which the
+    whole gearbox can be computed; and a dict of the name of a stage or load case and the reason why
+    it cannot be computed.
     """
     box = read_gearbox(file)
     stages = []
@@ -67,11 +68,13 @@ def jobs(file: str) -> tuple[list[tuple[str, str]], list[str], dict[str, str]]:
 def stage_over_speed(
     file: str, stage: str, load_case: str, damping_ratio: float, points: int
 ) -> xr.Dataset:
-    """Compute dynamic factor and transmission error of a stage over the speed, up and down.
+    """Compute dynamic factor and transmission error of a stage in sweeps of the speed, up and down.
 
-    `file` is the path of a REXS file. There are about `points` speeds from 10 to 150 % of the
-    operating speed, which is one of them, or of the resonance speed if the file states no operating
-    speed. The dataset is a result of `gearlib.studies.teeth_over_speed.over_speed`.
+    `file` is the path of a REXS file, in which `stage` and `load_case` are names. There are about
+    `points` speeds from 10 to 150 % of the operating speed, which is one of them, or of the
+    resonance speed if the file states no operating speed. Speeds below the slowest that can be
+    simulated get the motion of this slowest speed. The variables of the dataset are described in
+    `gearlib.studies.teeth_over_speed.over_speed`.
     """
     box = read_gearbox(file)
     load = box.load(stage, load_case)
@@ -87,7 +90,8 @@ def stage_over_speed(
         speeds = np.unique(np.append(speeds, speed))
     # Inertia forces are small below the slowest speed, so its motion represents slower speeds.
     simulated = np.unique(np.maximum(speeds, float(pair.speed(pair.slowest_tuning))))
-    # At low tunings a mesh period has many natural periods, so motions settle within few of them.
+    # Motions settle within some natural periods, of which a mesh period has more at lower speeds.
+    # Therefore the highest speed decides how many mesh periods are needed.
     settling = math.ceil(_SETTLING_PERIODS / damping_ratio * speeds[-1] / resonance_speed)
     periods = min(settling, _MAX_SETTLING_PERIODS) + _RECORD_PERIODS
     data = over_speed(pair, simulated, speed, periods=periods, record_periods=_RECORD_PERIODS)
@@ -99,10 +103,11 @@ def stage_over_speed(
 
 
 def whole_box(file: str, load_case: str, damping_ratio: float, orders: int) -> xr.Dataset:
-    """Compute modes, Campbell diagram, load shares and characteristic frequencies of a whole box.
+    """Compute modes, Campbell diagram, load shares and characteristic frequencies of a gearbox.
 
-    The gearbox of a REXS file is computed as a gear train in a load case; `orders` is the highest
-    multiple of each mesh frequency.
+    `file` is the path of a REXS file; its gearbox is computed as one gear train in the named load
+    case. `damping_ratio` is the damping ratio of the meshes, `orders` the highest multiple of each
+    mesh frequency in the Campbell diagram.
     """
     box = read_gearbox(file)
     train = box.train(load_case, damping_ratio=damping_ratio)
@@ -126,15 +131,17 @@ def whole_box(file: str, load_case: str, damping_ratio: float, orders: int) -> x
 
 
 def run_up(file: str, load_case: str, damping_ratio: float, revolutions: int) -> xr.Dataset:
-    """Compute the order map of the force of the first mesh in a run-up of a whole box.
+    """Compute an order map: amplitudes of the first mesh force over orders and speed in a run-up.
 
-    The speed rises from 10 to 100 % of the operating speed within this number of `revolutions`. If
-    the file states no operating speed, the mesh frequency ends at the lowest natural frequency.
+    `file` is the path of a REXS file; its gearbox is computed as one gear train. The speed rises
+    from 10 to 100 % of the operating speed within this number of `revolutions`. If the file states
+    no operating speed, the run-up ends where the mesh frequency equals the lowest natural
+    frequency.
     """
     box = read_gearbox(file)
     train = box.train(load_case, damping_ratio=damping_ratio)
     teeth = train.reference_pinion.teeth
-    # The first natural frequencies, of the free motions, are zero.
+    # The first natural frequencies, those of the rigid-body ("free") motions, are zero.
     lowest_frequency = float(train.modes().natural_frequency.values[train.free_motions.shape[1]])
     stop_speed = _reference_speed(box, train, load_case) or lowest_frequency * 60.0 / teeth
     start_speed = SPEED_RANGE[0] * stop_speed
@@ -154,10 +161,10 @@ def outline(file: str) -> xr.Dataset:
 def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
     """Yield the rows of the table of stages: the names of the columns, then their values.
 
-    `stages` are results of `stage_over_speed` for the gearbox in `file`. Each stage has a row for
-    each load case and, if there are several, a row for all cases with the largest values and the
-    contact loss averaged over the load durations. Further rows tell in the last column why a stage
-    or load case was not computed.
+    `stages` are datasets from `stage_over_speed` for the gearbox in `file`. Each stage has one row
+    per load case. With several cases, a row "all" has the largest values, and the contact loss
+    averaged over the load durations. The last rows tell in the column "note" why a stage or case
+    was not computed.
     """
     box = read_gearbox(file)
     yield [
@@ -182,7 +189,8 @@ def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
             rows = [values for _, values, _ in cases]
             all_jumps = np.concatenate([jumps for _, _, jumps in cases])
             largest = np.fmax.reduce(np.array(rows))
-            largest[4] = max(values[3:5] for values in rows)[1]  # the speed of the largest factor
+            # Columns 3 and 4 are the largest dynamic factor and its speed, which stay together.
+            largest[4] = max(values[3:5] for values in rows)[1]
             losses = np.nan_to_num([values[-1] for values in rows])
             largest[-1] = np.dot(fractions, losses) / np.sum(fractions)
             texts = [_text(value) for value in largest[1:]]
@@ -197,9 +205,10 @@ def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
 def _stage_values(data: xr.Dataset) -> list[float]:
     """Return the values of a stage in the columns from speed_rpm to contact_loss_fraction.
 
-    `data` is a result of `stage_over_speed`. Values that are not known are NaN: those of the
-    operating point if the file states no operating speed, and the factor of ISO 6336 if the gears
-    have no quality.
+    `data` is a dataset from `stage_over_speed`, over tuning (dimensionless mesh frequency) and the
+    direction of the sweep; the larger value of both directions is returned. Unknown values are NaN:
+    those at the operating point if the file states no operating speed, and the dynamic factor of
+    ISO 6336 if the gears have no quality.
     """
     factors = data.dynamic_factor.max("direction")
     largest_index = int(factors.fillna(-np.inf).argmax("tuning"))
@@ -217,19 +226,22 @@ def _stage_values(data: xr.Dataset) -> list[float]:
 
 
 def _jumps_text(speeds: np.ndarray) -> str:
-    """Return jump speeds as a text, in increasing order and without NaN."""
+    """Return jump speeds as a string, in increasing order, without NaN."""
     return " ".join(map(_text, np.sort(speeds[np.isfinite(speeds)])))
 
 
 def _text(value: Any) -> str:
-    """Return a number with six significant digits, "" for NaN."""
+    """Return a number as a string with six significant digits, "" for NaN."""
     return f"{float(value):.6g}" if np.isfinite(value) else ""
 
 
 def box_rows(boxes: Sequence[xr.Dataset]) -> Iterator[list]:
-    """Yield the rows of the table of whole boxes: modes, load shares, characteristic frequencies.
+    """Yield the rows of the table of whole gearboxes: the names of the columns, then their values.
 
-    `boxes` are results of `whole_box`.
+    `boxes` are datasets from `whole_box`, one for each load case. Their rows are natural
+    frequencies, with the mesh and the shaft that have the largest share of the energy of a mode;
+    static forces of the meshes; and characteristic frequencies. The column "of" names the mode,
+    mesh or part.
     """
     yield ["load_case", "of", "quantity", "value", "unit"]
     for box in boxes:
@@ -248,6 +260,7 @@ def box_rows(boxes: Sequence[xr.Dataset]) -> Iterator[list]:
             yield [case, name, "static load sharing", _text(mesh.load_sharing), ""]
         names = [name for name in FREQUENCIES if name in box]
         frequencies = box[names].assign(speed=box.speed)
+        # The first row has the names of the columns.
         for owner, kind, hertz, order in list(frequency_rows(frequencies))[1:]:
             yield [case, owner, f"{kind}, order {order}", hertz, "Hz"]
 
@@ -255,7 +268,8 @@ def box_rows(boxes: Sequence[xr.Dataset]) -> Iterator[list]:
 def _reference_speed(box: Gearbox, train: Any, load_case: str) -> float | None:
     """Return the operating speed of the reference pinion relative to the housing, rpm.
 
-    Return None if the file states no speeds in this load case.
+    The reference pinion is that of the mesh whose frequency defines the tuning of the train. Return
+    None if the file states no speeds in this load case.
     """
     speeds = box.loads(load_case).speeds
     if speeds is None:
