@@ -74,10 +74,15 @@ __all__ = [name for name in sorted(_PUBLIC) if name != "__version__"]
 
 
 def __getattr__(name):
+    """Import a public name from its module when it is first used.
+
+    `_PUBLIC` maps each public name to the module that defines it.
+    """
     if name in _PUBLIC:
         return getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__():
+    """Return the names of this package, including those that are not imported yet."""
     return sorted([*globals(), *_PUBLIC])

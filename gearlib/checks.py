@@ -16,30 +16,37 @@ class InputError(ValueError):
     """
 
     def __init__(self, path, value=None, requirement="", problem="", owner=""):
+        """Store the wrong value, its place `path`, and what it must be.
+
+        The docstring of the class describes the arguments.
+        """
         super().__init__(path, value, requirement, problem, owner)
         self.path, self.value, self.requirement = path, value, requirement
         self.problem, self.owner = problem, owner
 
     def __str__(self):
+        """Return the error as a sentence: place and owner, then `problem` or value and rule."""
         place = f"{self.path} of {self.owner}" if self.owner else self.path
         return f"{place} {self.problem or problem_of(repr(self.value), self.requirement)}"
 
 
 def problem_of(value_text, requirement):
-    """Return the end of a sentence about a wrong value, which begins with the name of the value.
+    """Return the end of an error message, "= VALUE is not allowed: it must be REQUIREMENT".
 
-    `value_text` is the value as text, `requirement` says which values are allowed.
+    The caller writes the name of the value before this text. `value_text` is the value as text,
+    such as "-1"; `requirement` says which values are allowed, such as "a finite number > 0".
     """
     return f"= {value_text} is not allowed: it must be {requirement}"
 
 
 @contextmanager
 def below(section, owner="", **names):
-    """Return a context in which paths of `InputError`s are completed by a section.
+    """Return a context that completes the place (`path`) in each `InputError` raised inside it.
 
-    In the section "gears.wheel", an error of "module" becomes an error of "gears.wheel.module".
-    `names` maps paths, or first names of paths, to complete places, which replace them. `owner` is
-    the part, such as "body sun", that has the other values.
+    The name `section` is put before the path: in the section "gears.wheel" the path "module"
+    becomes "gears.wheel.module". Each keyword in `names` is a path, or the first name of paths,
+    that is replaced by its complete place instead. `owner` is the part, such as "body sun", to
+    which the message attributes the other values.
     """
     try:
         yield
@@ -55,24 +62,28 @@ def below(section, owner="", **names):
 
 
 def refusal(name, value, allowed, owner=""):
-    """Return the `InputError` for a wrong value.
+    """Return the `InputError` for a wrong value; the caller raises it.
 
-    `name` is the place of the value, the text `allowed` says what it must be, `owner` is the part
-    that has it.
+    `name` is the place of the value, such as "wheel.module"; the string `allowed` says what it must
+    be, such as "a number > 0"; `owner` is the part that has the value, such as "body sun".
     """
     return InputError(name, value, allowed, owner=owner)
 
 
 def require(condition, name, value, allowed, owner=""):
-    """Raise the `InputError` of a wrong value unless the condition holds, see `refusal`."""
+    """Raise an `InputError` for `value` unless `condition` is true.
+
+    `name` is the place of the value, such as "wheel.module"; the string `allowed` says what it must
+    be, such as "a number > 0"; `owner` is the part that has the value, such as "body sun".
+    """
     if not condition:
         raise refusal(name, value, allowed, owner)
 
 
 def exactly_one(name, value, other_name, other_value):
-    """Raise an error unless exactly one of two values is given, the other being None.
+    """Raise an `InputError` unless exactly one of two alternative values is given (is not None).
 
-    The message names them `name` and `other_name`.
+    `name` and `other_name` are the names of `value` and `other_value` in the message.
     """
     if value is None and other_value is None:
         problem = f"and {other_name} are missing: one of the two must be given"
@@ -84,9 +95,11 @@ def exactly_one(name, value, other_name, other_value):
 
 
 def checked_speed(name, value, resonance_speed):
-    """Return the speed `value`, rpm, or raise an error unless its tuning is allowed.
+    """Return the speed `value` (rpm), or raise an `InputError` if it is far too low or too high.
 
-    The tuning is the ratio of the speed to `resonance_speed`, rpm.
+    The ratio of the speed to `resonance_speed` (rpm), which is called tuning, must lie between the
+    constants `MIN_SPEED_TUNING` and `MAX_SPEED_TUNING`. `name` is the place of the value, which the
+    message states.
     """
     low, high = MIN_SPEED_TUNING * resonance_speed, MAX_SPEED_TUNING * resonance_speed
     limits = f"from {low:.3g} to {high:.3g} rpm, a tuning of at most {MAX_SPEED_TUNING:g}"
@@ -96,9 +109,9 @@ def checked_speed(name, value, resonance_speed):
 
 
 def require_damping(value, owner=""):
-    """Return the damping in contact, `value`, or raise ValueError if it is None.
+    """Return the damping `value` of gears in contact, or raise ValueError if it is None.
 
-    `owner` is the end of its name in the message, such as " of mesh a".
+    `owner` is text that follows the name of the parameter in the message, such as " of mesh a".
     """
     if value is None:
         raise ValueError(
@@ -109,27 +122,28 @@ def require_damping(value, owner=""):
 
 
 def is_one_of(value, choices):
-    """Return whether `value` is one of `choices`, False if it is not hashable.
+    """Return whether `value` is one of `choices`; False for values that are not hashable.
 
-    Arrays and tables, for example, are not hashable, and their == returns no bool.
+    Unhashable values such as arrays and tables must not be compared, because their == does not
+    return a bool.
     """
     return isinstance(value, Hashable) and value in tuple(choices)
 
 
 def one_of(name, value, choices):
-    """Return `value` if it is one of `choices`, else raise ValueError."""
+    """Return `value` if it is one of `choices`, else raise an `InputError` for the place `name`."""
     require(is_one_of(value, choices), name, value, f"one of {', '.join(map(repr, choices))}")
     return value
 
 
 def sequence(name, values, length=None, allowed="a sequence of numbers"):
-    """Return an iterable as a list, or raise ValueError if it is not a sequence of this length.
+    """Return an iterable as a list, or raise an `InputError` if it is no sequence of this length.
 
-    `name` is the place of `values`. With None as `length` any length is allowed, and `allowed` says
-    in the message what the values must be.
+    `name` is the place of `values`, which the message states. With None as `length` any length is
+    allowed, and the string `allowed` says in the message what the values must be.
     """
     allowed = allowed if length is None else f"{length} values"
-    # Entries of these types are letters, names or unordered.
+    # These types are iterable, too, but their entries are single letters, names or unordered.
     if isinstance(values, str | bytes | Mapping | set | frozenset):
         raise refusal(name, values, allowed)
     try:
@@ -141,26 +155,27 @@ def sequence(name, values, length=None, allowed="a sequence of numbers"):
 
 
 def options(value):
-    """Return `value`, a mapping of options or None, as a dict, else raise ValueError."""
+    """Return a mapping of options as a dict, {} for None; else raise an `InputError`."""
     require(isinstance(value, Mapping | None), "options", value, "a mapping of names")
     return dict(value or {})
 
 
 def gear_stage(value, name="stage", alternative=""):
-    """Return `value` if it is a `gearlib.geometry.GearStage`, else raise ValueError.
+    """Return `value` if it is a `GearStage` of gearlib.geometry, else raise an `InputError`.
 
-    `alternative` is a text such as " or a dict", for callers that also take other values.
+    `name` is the name of the argument in the message. `alternative` is text such as " or a dict",
+    for callers that also take other values.
     """
     allowed = f"a gearlib.geometry.GearStage{alternative}"
-    # An import of the class would load the numerical stack.
+    # The class is recognized by a method, because its import would load NumPy and numba.
     require(hasattr(value, "pair_parameters"), name, value, allowed)
     return value
 
 
 def train_of(model):
-    """Return the `GearTrain` of a model, or raise ValueError.
+    """Return the `GearTrain` (bodies joined by meshes) of a model, or raise an `InputError`.
 
-    Models that have one are trains and pairs in six degrees of freedom.
+    Gear trains themselves and pairs with six degrees of freedom have the attribute `train`.
     """
     train = getattr(model, "train", None)
     if train is None:
@@ -171,7 +186,10 @@ def train_of(model):
 
 
 def check_known_parameters(owner, names, known_names):
-    """Raise ValueError unless all `names` are parameters of the type `owner`, its `known_names`."""
+    """Raise an `InputError` for the first of `names` that is not among `known_names`.
+
+    `owner` is the name of the type, such as "GearPair", whose parameters are `known_names`.
+    """
     for name in names:
         if name not in known_names:
             problem = f"is not allowed: the parameters of a {owner} are {', '.join(known_names)}"

@@ -28,9 +28,11 @@ _HUE_STEP, _LIGHTNESS_STEP = 0.7548776662466927, 0.5698402909980532
 
 
 def of_categories(taken: Iterable[str] = ()) -> Iterator[str]:
-    """Yield different colours without end, none of which is in `taken` or means a kind of motion.
+    """Yield different colours without end, for curves that stand for categories.
 
-    Colours are texts such as "#0072B2".
+    A colour is a string such as "#0072B2". None of them is in `taken`, and none has a meaning of
+    its own, as the colours of the kinds of motion (chaotic etc.) and of shaded areas have. The
+    first colours are a fixed palette; later ones are computed.
     """
     taken = {colour.upper() for colour in taken}
     used_colours = [*taken, *MOTIONS.values(), *_BACKGROUNDS]
@@ -41,9 +43,15 @@ def of_categories(taken: Iterable[str] = ()) -> Iterator[str]:
 
 
 def _further_colours(used_colours: list[str]) -> Iterator[str]:
-    """Yield colours that differ from `used_colours`, a list that the caller extends meanwhile."""
+    """Yield colours that are clearly different from all `used_colours`, a list of "#rrggbb".
+
+    The caller adds each colour that it uses to the list. Candidates step through hue and lightness.
+    Whenever a candidate is too close to a used colour, the required distance shrinks a little, so
+    that the search always ends.
+    """
     min_distance = _DISTANCE
     for i in itertools.count(1):
+        # Lightness stays between 0.25 and 0.75, far from black and white.
         lightness = 0.25 + 0.5 * (i * _LIGHTNESS_STEP % 1.0)
         values = colorsys.hls_to_rgb(i * _HUE_STEP % 1.0, lightness, 0.75)
         colour = "#" + "".join(f"{round(255.0 * value):02X}" for value in values)
@@ -54,8 +62,8 @@ def _further_colours(used_colours: list[str]) -> Iterator[str]:
 
 
 def _distance(colour: str, other: str) -> float:
-    """Return a distance of two colours "#rrggbb", from 0 if equal to 3 for black and white."""
+    """Return the distance of two colours "#rrggbb": 0 if they are equal, 3 for black and white."""
     pairs = zip(bytes.fromhex(colour[1:]), bytes.fromhex(other[1:]), strict=True)
     red, green, blue = ((a - b) / 255.0 for a, b in pairs)
-    # Eyes see differences of green best.
+    # The weights are large for green, because eyes see differences of green best.
     return (2.0 * red**2 + 4.0 * green**2 + 3.0 * blue**2) ** 0.5

@@ -36,7 +36,7 @@ __all__ = [
 
 
 def __getattr__(name):
-    """Load the names of gear trains on first use, because their compiled code loads slowly."""
+    """Import `ParallelStage` or `planetary_set` on first use: their compiled code loads slowly."""
     if name not in ("ParallelStage", "planetary_set"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from gearlib.models.trains import planetary

@@ -76,16 +76,16 @@ class Unit:
     infinite: str = ""
 
     def read(self, value: Any, info: ValidationInfo | None = None) -> float:
-        """Return a real number as float, or raise ValueError.
+        """Return a real number as float, or raise ValueError if `value` is not allowed.
 
-        `info` has the validation context. In a configuration, where there is a context, `value`
-        may also be a text with a unit.
+        In a configuration file, `value` may also be a string with a unit, such as "3 kN". pydantic
+        passes `info`, whose `context` is None except when a configuration file is validated.
         """
         if isinstance(value, str) and info is not None and info.context is not None:
             try:
                 value = self._number_of(value)
             except ValueError:
-                # The error needs no text, because its sentence is made from the annotation.
+                # The error needs no message: `Parameter.check` writes it from the annotation.
                 raise ValueError from None
         if isinstance(value, Real) and not isinstance(value, bool):
             with contextlib.suppress(OverflowError):
@@ -95,9 +95,10 @@ class Unit:
         raise ValueError
 
     def _number_of(self, text: str) -> float:
-        """Return the number that a text spells, in `unit`; NaN or ValueError if it spells none.
+        """Return the number that the string `text` stands for, in the unit `self.unit`.
 
-        YAML reads numbers such as 4e8 as texts.
+        Return NaN or raise ValueError if it stands for none. Numbers without a unit are also
+        accepted, because YAML reads some numbers, such as 4e8, as strings.
         """
         if self.infinite and text == ".inf":
             return math.inf
@@ -106,10 +107,11 @@ class Unit:
         return math.nan if self.unit == "1" else units.read(text, self.unit)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the pydantic schema that calls `read` before other checks of the type `source`."""
         return core_schema.with_info_before_validator_function(self.read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict:
-        """Return the node of the JSON schema, in which numbers with a unit may be texts."""
+        """Return the JSON schema of the number, which may also be a string if it has a unit."""
         node = handler(schema)
         if self.unit != "1":
             node |= {"type": ["number", "string"], "pattern": f"^{units.TEXT.pattern}$"}
@@ -134,7 +136,11 @@ class Values:
     repeat: bool = False
 
     def read(self, values: Any) -> tuple | None:
-        """Return the values as a tuple, or raise ValueError if they are no sequence."""
+        """Return values as a tuple, or raise ValueError if they are not as many as required.
+
+        `self.count` is the required number, None for any number. With `self.repeat`, a single value
+        stands for `count` equal values.
+        """
         if values is None:
             return None  # The type decides whether None is allowed.
         if self.repeat and not isinstance(values, (tuple, list)):
@@ -142,21 +148,24 @@ class Values:
         try:
             return tuple(checks.sequence("", values, self.count))
         except InputError:
-            # The error needs no text, because its sentence is made from the annotation.
+            # The error needs no message: `Parameter.check` writes it from the annotation.
             raise ValueError from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the pydantic schema that calls `read` before other checks of the type `source`."""
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict:
+        """Return the JSON schema of the sequence, with the number of its entries if it is fixed."""
         node = handler(schema)
         return node | ({"minItems": self.count, "maxItems": self.count} if self.count else {})
 
 
 def _read_integer(value: Any, info: ValidationInfo) -> int:
-    """Return an integer, or raise ValueError; in a configuration a text may spell it.
+    """Return an integer as int, or raise ValueError if `value` is none, or too large.
 
-    Only the validation of a configuration has a context in `info`.
+    In a configuration file, a string such as "12" also counts as an integer. pydantic passes
+    `info`, whose `context` is None except when a configuration file is validated.
     """
     if isinstance(value, str) and info.context is not None and re.fullmatch(r"[-+]?\d+", value):
         value = int(value)
@@ -166,9 +175,10 @@ def _read_integer(value: Any, info: ValidationInfo) -> int:
 
 
 def _read_boolean(value: Any, info: ValidationInfo) -> Any:
-    """Return the boolean that a text in a configuration spells; return other values unchanged.
+    """Return True or False for the strings "true" and "false" of a configuration file.
 
-    Only the validation of a configuration has a context in `info`.
+    All other values are returned unchanged; pydantic then checks them. It passes `info`, whose
+    `context` is None except when a configuration file is validated.
     """
     if isinstance(value, str) and info.context is not None:
         return {"true": True, "false": False}.get(value.lower(), value)
@@ -176,10 +186,11 @@ def _read_boolean(value: Any, info: ValidationInfo) -> Any:
 
 
 def _read_choice(value: Any, info: ValidationInfo) -> Any:
-    """Return `value` for a comparison with the choices of a parameter.
+    """Return `value` in the type in which pydantic compares it with the choices of a parameter.
 
-    A text that spells an integer is converted in a configuration, whose validation has a context in
-    `info`. Booleans raise ValueError, because True would count as the choice 1.
+    In a configuration file, a string such as "12" becomes an integer. pydantic passes `info`, whose
+    `context` is None except when a configuration file is validated. Booleans raise ValueError,
+    because Python counts True as equal to the choice 1.
     """
     if isinstance(value, bool):
         raise ValueError
@@ -218,7 +229,7 @@ class Parameter:
 
     @property
     def unit(self) -> str:
-        """Unit of the parameter or of each of its values; "" if it is dimensionless."""
+        """Unit of the parameter, or of the numbers in a list; "" if it is dimensionless."""
         annotation = self.annotation
         while (item := _item_of(annotation)) is not None:
             annotation = item
@@ -232,21 +243,22 @@ class Parameter:
 
     @property
     def long_name(self) -> str:
-        """The text up to the first comma, semicolon or equals sign, with a small first letter."""
+        """Short name: the description up to a comma, semicolon or =, with a small first letter."""
         name = re.split(r"[;,=]", self.text)[0].strip()
         return name[:1].lower() + name[1:]
 
     @property
     def description(self) -> str:
-        """A sentence with text, symbol and unit, such as "Mass m, kg; ..."."""
+        """Sentence with name, symbol, unit and the rest of the description: "Mass m, kg; ..."."""
         name = re.split(r";|\. ", self.text)[0]
         name_and_symbol = " ".join(filter(None, (name, self.symbol)))
         return f"{', '.join(filter(None, (name_and_symbol, self.unit)))}{self.text[len(name) :]}."
 
     def check(self, name: str, value: Any) -> Any:
-        """Return a value in its stored type, or raise an `InputError` if it is not allowed.
+        """Return a value converted to the type of the parameter, or raise an `InputError`.
 
-        The error names the place `name`, and a place below it if an entry of the value is wrong.
+        `name` is the place of the value in the message. If an entry of a list or dict is wrong, the
+        message names the entry, such as "name[2]".
         """
         try:
             return self._adapter.validate_python(value)
@@ -263,9 +275,10 @@ class Parameter:
 
 
 def check(name: str, value: Any, annotation: Any) -> Any:
-    """Return a value in the type of an annotation, or raise an `InputError` if it is not allowed.
+    """Return a value converted to the type of an annotation, or raise an `InputError`.
 
-    The error names the value `name`.
+    `annotation` is an `Annotated` type with bounds and unit, such as `Stiffness`; `name` is the
+    name of the value in the message.
     """
     return _parameter_of(annotation).check(name, value)
 
@@ -275,7 +288,10 @@ _parameter_of = functools.cache(Parameter)
 
 @functools.cache
 def declared_parameters(constructor: Any) -> dict[str, Parameter]:
-    """Return a dict: name -> `Parameter` of each declared parameter of a dataclass or function."""
+    """Return a dict: name -> `Parameter` of each parameter declared with an `Annotated` type.
+
+    `constructor` is a dataclass, whose fields are its parameters, or a function.
+    """
     parameters = {}
     if dataclasses.is_dataclass(constructor):
         for field in dataclasses.fields(constructor):
@@ -290,7 +306,7 @@ def declared_parameters(constructor: Any) -> dict[str, Parameter]:
 
 
 def _is_declared(annotation: Any) -> bool:
-    """Return whether an annotation, or one of its alternatives, is an `Annotated` type."""
+    """Return whether an annotation, or one of the types of a union, is an `Annotated` type."""
     options = get_args(annotation) if is_union(annotation) else (annotation,)
     return any(get_origin(option) is Annotated for option in options)
 
@@ -301,7 +317,10 @@ def numeric_parameters(constructor: Any) -> dict[str, Parameter]:
 
 
 def units_and_names(constructor: Any) -> dict[str, tuple[str, str]]:
-    """Return a dict: name -> (CF units, long name) of each declared real number."""
+    """Return a dict: name -> (unit in CF notation, long name) of each declared real number.
+
+    `constructor` is a dataclass or a function.
+    """
     numeric = numeric_parameters(constructor)
     return {name: (units.cf_units(x.unit), x.long_name) for name, x in numeric.items()}
 
@@ -310,10 +329,11 @@ def units_and_names(constructor: Any) -> dict[str, tuple[str, str]]:
 
 
 def parts(annotation: Any) -> tuple[Any, tuple]:
-    """Return the type of an annotation without its metadata, and a tuple of all metadata.
+    """Split an annotation into its type without metadata, and a tuple of all its metadata.
 
-    None as the alternative of a single type is left out. Bounds in pydantic fields are among the
-    metadata.
+    Metadata are the further arguments of `Annotated`, such as bounds and unit, also of nested
+    `Annotated` types, and the bounds inside pydantic fields. An optional type (X or None) counts as
+    X.
     """
     if get_origin(annotation) is Annotated:
         annotated_type, *metadata = get_args(annotation)
@@ -339,17 +359,21 @@ def _item_of(annotation: Any) -> Any:
 
 
 def _unit_of(annotation: Any) -> Unit | None:
-    """Return the `Unit` of an annotated real number, None for other types."""
+    """Return the `Unit` in the metadata of an annotated float, None for other types.
+
+    If there are several, the last one counts, because outer metadata come last and override inner
+    ones.
+    """
     base, metadata = parts(annotation)
     unit_parts = [x for x in metadata if isinstance(x, Unit)]
     return unit_parts[-1] if unit_parts and base is float else None
 
 
 def replace_class(annotation: Any, replace: Callable[[type], type]) -> Any:
-    """Return an annotation in which `replace` has replaced the class of a part of a model.
+    """Return an annotation in which the dataclass of a part has been replaced by another class.
 
-    A part is a dataclass, such as a tip relief. None is left out as an alternative, and so are
-    parts if there are other alternatives.
+    A part is a dataclass inside a model, such as a tip relief; `replace` maps its class to the new
+    one. In a union, None is dropped, and other types are preferred to dataclasses.
     """
     base, metadata = parts(annotation)
     if is_union(base):
@@ -360,10 +384,12 @@ def replace_class(annotation: Any, replace: Callable[[type], type]) -> Any:
 
 
 def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
-    """Return path and annotation of the value to which pydantic's location of an error refers.
+    """Convert the location of an error from pydantic to a path; return (path, annotation).
 
-    `root` is the type at which the location starts. The path ends where the type has alternatives
-    or no such name; the annotation belongs to the end of the path.
+    `root` is the type in which pydantic's tuple `location` of names and indices starts. Each entry
+    of the path leads one level down into a model, dict or list. Entries of `location` that are no
+    keys of the user, such as the name of a type in a union, are skipped or end the path. The
+    returned annotation belongs to the value at the end of the path.
     """
     path: list = []
     for name in location:
@@ -385,13 +411,16 @@ def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
 
 
 def _section_of_kind(union: Any, kind: Any) -> Any:
-    """Return the section of a union whose key `kind` may have the value `kind`, else None."""
+    """Return the configuration section in a union whose key `kind` allows this value, or None."""
     sections = (x for x in get_args(union) if kind in get_args(kinds([x])))
     return next(sections, None)
 
 
 def kinds(sections: Iterable) -> Any:
-    """Return the type of the key `kind` that chooses among sections: a Literal of all values."""
+    """Return a Literal type of all values that the key `kind` has in some configuration sections.
+
+    Sections are pydantic models; the value of `kind` decides which of them applies.
+    """
     values: list = []
     for section in sections:
         field = getattr(section, "__pydantic_fields__", {}).get("kind")
@@ -409,9 +438,10 @@ def dotted(path: tuple) -> str:
 
 
 def requirement(annotation: Any, in_file: bool = False) -> str:
-    """Return the values that an annotation allows, in words such as "a finite number > 0".
+    """Return in words which values an annotation allows, such as "a finite number > 0".
 
-    With `in_file` the words are about a configuration, where numbers may be texts with units.
+    With `in_file` the words are about a configuration file, where numbers may be strings with
+    units.
     """
     base, metadata = parts(annotation)
     for part in reversed(metadata):
@@ -441,9 +471,11 @@ def requirement(annotation: Any, in_file: bool = False) -> str:
 
 
 def _number_in_words(base: type, metadata: tuple, in_file: bool) -> str:
-    """Return the allowed numbers in words, with their unit.
+    """Return in words which numbers are allowed, such as "a finite number > 0", with their unit.
 
-    `base` is int or float, `metadata` has bounds and unit; `in_file` as in `requirement`.
+    `base` is int or float; `metadata` are the entries of an `Annotated` type, with bounds and unit.
+    With `in_file` the words are about a configuration file, where numbers may be strings with
+    units.
     """
     unit = next((x for x in reversed(metadata) if isinstance(x, Unit)), Unit("1"))
     texts = {}
@@ -469,10 +501,11 @@ def _number_in_words(base: type, metadata: tuple, in_file: bool) -> str:
 
 
 def _list_in_words(item: Any, metadata: tuple, in_file: bool) -> str:
-    """Return the allowed lists in words.
+    """Return in words which lists are allowed, such as "a list of 2 entries, each a finite number".
 
-    `item` is the type of the entries, `metadata` has bounds of their number; `in_file` as in
-    `requirement`.
+    `item` is the type of the entries; `metadata` are the entries of an `Annotated` type, which may
+    limit their number. With `in_file` the words are about a configuration file, where numbers may
+    be strings with units.
     """
     values = next((x for x in metadata if isinstance(x, Values)), Values())
     min_length = next((x.min_length for x in metadata if isinstance(x, MinLen)), 0)
@@ -487,7 +520,7 @@ def _list_in_words(item: Any, metadata: tuple, in_file: bool) -> str:
 
 
 def _text_in_words(metadata: tuple) -> str:
-    """Return the allowed texts in words; `metadata` has their pattern or largest length."""
+    """Return in words which strings `metadata` allow by a pattern or a largest length."""
     for part in metadata:
         if pattern := getattr(part, "pattern", None):
             return f"a text matching {pattern}"
@@ -497,7 +530,7 @@ def _text_in_words(metadata: tuple) -> str:
 
 
 def _bound_in_words(value: float) -> str:
-    """Return the bound of a number as text, with fractions such as "pi / 2" for angles."""
+    """Return the bound of a number as a string: fractions of pi for angles, such as "pi / 2"."""
     if value == math.tau:
         return "2 pi"
     for n in (2, 3, 4):
@@ -513,12 +546,12 @@ def _bound_in_words(value: float) -> str:
 def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
     """Return a decorator that makes an immutable dataclass whose fields pydantic checks.
 
-    A wrong value raises an `InputError`. The docstring of the class gets a table of the parameters.
-    With `kw_only` all arguments are keyword arguments.
+    A wrong value raises an `InputError`. A table of the parameters is added to the docstring of the
+    class. With `kw_only` all arguments are keyword arguments.
     """
 
     def decorate(cls: type[_T]) -> type[_T]:
-        """Return the dataclass for a class with annotated fields."""
+        """Return the checked dataclass that replaces the class `cls` with annotated fields."""
         dataclass_type = pydantic.dataclasses.dataclass(
             frozen=True, kw_only=kw_only, config=STRICT
         )(cls)
@@ -526,6 +559,7 @@ def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
         names = [field.name for field in dataclasses.fields(dataclass_type)]
 
         def __init__(self, *args, **arguments):
+            """Initialize the dataclass; raise the error of pydantic as an `InputError`."""
             try:
                 initialize(self, *args, **arguments)
             except ValidationError as error:
@@ -540,9 +574,10 @@ def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
 
 
 def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exception:
-    """Return the first error of pydantic as an `InputError`, or as a TypeError for a wrong name.
+    """Convert the first error of pydantic to an `InputError`, or to a TypeError for a wrong name.
 
-    `cls` is the dataclass that was called, `arguments` are its arguments by name.
+    `cls` is the dataclass that was called, `arguments` are its arguments by name. An error that the
+    class itself raised in `__post_init__` is returned unchanged.
     """
     details = error.errors(include_url=False)[0]
     location, cause = details["loc"], details.get("ctx", {}).get("error")
@@ -550,7 +585,7 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
         return cause  # It was raised by `__post_init__`.
     names, problem = list(arguments), details["type"].replace("_", " ")
     if isinstance(location[0], int) and "unexpected" not in problem:
-        # pydantic numbers positional arguments.
+        # pydantic gives the number of a positional argument, which is replaced by its name.
         location = names[location[0]], *location[1:]
     path, annotation = place_of(cls, location)
     if problem == "missing" or not path:
@@ -559,7 +594,7 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
     value = arguments.get(path[0])
     for index in path[1:]:
         value = value[index] if isinstance(value, tuple | list) else details["input"]
-    # Bodies and meshes of a train have names.
+    # The parts of a gear train (bodies and meshes) have names, which the message can state.
     name = arguments.get("name")
     owner = f"{cls.__name__.lower()} {name}" if isinstance(name, str) else ""
     allowed = requirement(annotation) + unit_hint(value, annotation)
@@ -567,15 +602,19 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
 
 
 def checked(function: Callable) -> Callable:
-    """Decorate a function so that its declared arguments are checked and documented.
+    """Decorate a function so that arguments with an `Annotated` type are checked and documented.
 
-    Defaults are not checked. Loops may call the function without checks, `function.__wrapped__`.
+    Defaults are not checked. Loops may call the undecorated function, `function.__wrapped__`, to
+    save the time of the checks.
     """
     parameters = declared_parameters(function)
     positional_names = inspect.getfullargspec(function).args
 
     def checked_value(name: str, value: Any) -> Any:
-        """Return the value of the argument `name`, in its stored type if it is declared."""
+        """Return the value of the argument `name`, converted to its declared type if it has one.
+
+        A default is returned without a check.
+        """
         parameter = parameters.get(name)
         if parameter is None or value is parameter.default:
             return value
@@ -583,6 +622,7 @@ def checked(function: Callable) -> Callable:
 
     @functools.wraps(function)
     def call(*args, **arguments):
+        """Call the function with checked arguments, surplus positional ones unchecked."""
         checked_args = map(checked_value, positional_names, args)
         arguments = {name: checked_value(name, value) for name, value in arguments.items()}
         return function(*checked_args, *args[len(positional_names) :], **arguments)
@@ -600,10 +640,10 @@ ValueError
 
 
 def documented(constructor: Any) -> Any:
-    """Complete the documentation of a class or function by its declared parameters; return it.
+    """Add a table of declared parameters to the docstring of a class or function, and return it.
 
-    A docstring without a table of parameters gets one. Annotations in the signature are replaced by
-    plain types.
+    A docstring that already has a section "Parameters" stays unchanged. In the signature,
+    annotations are replaced by plain types without bounds and units, which help texts show.
     """
     text, parameters = inspect.getdoc(constructor) or "", declared_parameters(constructor)
     if "\nParameters\n---" not in text and any(x.text for x in parameters.values()):
@@ -628,7 +668,10 @@ def documented(constructor: Any) -> Any:
 
 
 def _plain(annotation: Any) -> Any:
-    """Return the type of an annotation and of its items, without metadata such as bounds."""
+    """Return a type, and the type of its items if it is a list or tuple, without metadata.
+
+    Metadata are the bounds, units and descriptions of `Annotated` types.
+    """
     base, item = parts(annotation)[0], _item_of(annotation)
     return base if item is None else get_origin(base)[(_plain(item), *get_args(base)[1:])]
 
@@ -640,8 +683,10 @@ _GEOMETRY_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 def unit_hint(value: Any, annotation: Any) -> str:
     """Return a hint on a wrong value such as "; did you mean 3 mm?", "" if there is none.
 
-    There is a hint if a number is beyond its upper bound in SI, but not in a unit of gear geometry.
-    For an integer that compiled code cannot store, the hint is the largest integer.
+    The usual mistake is a length in mm or an angle in degrees where SI units are expected. There is
+    a hint if the number is above its upper bound, but within it when read in the unit of the
+    example in the annotation. For an integer that compiled code cannot store, the hint is the
+    largest integer.
     """
     base, metadata = parts(annotation)
     is_bounded = any(isinstance(part, Le) for part in metadata)

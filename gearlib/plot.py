@@ -51,6 +51,8 @@ __all__ = [
 def resonance(*sweeps, axes=None, labels=None, variable=None):
     """Draw resonance characteristics, with lines for periodic motions and markers for others.
 
+    They show the size of the motion over the tuning (mesh frequency over natural frequency).
+
     Parameters
     ----------
     *sweeps : xarray.Dataset
@@ -77,6 +79,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     names = (variable,) if variable else resonance_figure.EXTREMA
     if is_train and variable is None:
         names = ("dynamic_factor" if "dynamic_factor" in sweeps[0] else "peak_force_ratio",)
+    # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "tuning", "caller": "resonance", "source": "sweep"}
     curves = plot_curves.curves(sweeps, labels, (*names, "period"), **sources)
     axes = plot_curves.axes_or_new(axes)
@@ -85,7 +88,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     axes.set_ylim(style.limits(*ranges))
     axes.set_xlim(style.limits(*(sweep.tuning for sweep in sorted_sweeps), margin=0.0))
     for number, (curve, sweep) in enumerate(zip(curves, sorted_sweeps, strict=True)):
-        # Shifted markers of equal curves stay visible.
+        # Markers of each curve are shifted along the line, so that equal curves stay visible.
         marker_shift = number / len(curves)
         resonance_figure.draw_sweep(
             axes, sweep, curve.style, marker_shift, names, label=curve.label
@@ -107,6 +110,8 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
 def phase_plane(*runs, axes=None, labels=None):
     """Draw velocities over displacements; a periodic motion is a closed curve.
 
+    Curves of unstable orbits are dashed. Displacements without drive-side contact are shaded.
+
     Parameters
     ----------
     *runs : xarray.Dataset
@@ -126,6 +131,7 @@ def phase_plane(*runs, axes=None, labels=None):
         If a dataset has no time history.
     """
     names = ("displacement", "velocity")
+    # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "phase", "caller": "phase_plane", "source": "simulate"}
     curves = plot_curves.curves(runs, labels, names, **sources)
     axes = plot_curves.axes_or_new(axes)
@@ -152,7 +158,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     """Draw a variable over the mesh periods, with the changes of contact.
 
     If there is only one curve, intervals of contact loss are shaded. Ticks on the curve of a gear
-    pair mark contact events.
+    pair mark contact events (gain or loss of contact).
 
     Parameters
     ----------
@@ -174,6 +180,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     ValueError
         If a dataset has no such variable over the phase.
     """
+    # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "phase", "caller": "time_course", "source": "simulate"}
     curves = plot_curves.curves(runs, labels, (variable,), **sources)
     axes = plot_curves.axes_or_new(axes)
@@ -227,6 +234,7 @@ def run_up(*runs, axes=None, labels=None, variable=None):
         If a dataset is not a run-up, or has no such variable.
     """
     names = (variable,) if variable else ("dynamic_force_max", "dynamic_force_min")
+    # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "revolution", "caller": "run_up", "source": "run_up"}
     curves = plot_curves.curves(runs, labels, (*names, "revolution_speed"), **sources)
     axes = plot_curves.axes_or_new(axes)
@@ -236,7 +244,7 @@ def run_up(*runs, axes=None, labels=None, variable=None):
     unit_size, unit = style.readable_unit(variables[0].units, *variables)
     for curve, values in zip(curves, variables, strict=True):
         speed = curve.data.revolution_speed.values
-        # The speed counts as falling in the first revolution if it falls after it.
+        # The first revolution has no predecessor: `prepend` repeats the change of speed after it.
         is_falling = np.diff(speed, prepend=2.0 * speed[0] - speed[1]) < 0.0
         options = {"color": curve.style.colour, "label": curve.label}
         style.draw_solid_and_dotted(axes, speed, values.values / unit_size, is_falling, **options)
@@ -249,7 +257,7 @@ def run_up(*runs, axes=None, labels=None, variable=None):
 def campbell(diagram, *, axes=None, to=None):
     """Draw the natural frequencies of a train and the mesh frequencies over the speed.
 
-    Dots mark intersections where the meshes excite the mode, circles the other intersections.
+    Dots mark intersections where the meshes excite the natural mode, circles the other ones.
 
     Parameters
     ----------
@@ -267,7 +275,7 @@ def campbell(diagram, *, axes=None, to=None):
     Raises
     ------
     ValueError
-        If the dataset is not a Campbell diagram, or has no order.
+        If the dataset is not a Campbell diagram, or has no line of a mesh frequency.
     """
     plot_curves.require("campbell", diagram, ("critical_speed", "excites"), "GearTrain.campbell")
     if not diagram.critical_speed.size:
@@ -344,6 +352,7 @@ def schematic(train, *, run=None, phase=None, axes=None):
         raise ValueError(message) from None
     if run is not None:
         plot_curves.require("schematic", run, ("contact", "status"), "simulate")
+    # The phase gets its default here; `contact` is None without a run.
     phase, contact = train_schematic.phase_and_contact(layout, run, phase)
     axes = plot_curves.axes_or_new(axes)
     train_schematic.draw(axes, layout, None, phase, contact)
@@ -353,6 +362,8 @@ def schematic(train, *, run=None, phase=None, axes=None):
 @style.styled()
 def harris_map(errors, *, axes=None):
     """Draw the static transmission error over two mesh periods, a curve for each torque.
+
+    The curve of the design torque, if the dataset has one, is thick.
 
     Parameters
     ----------
@@ -411,7 +422,7 @@ def values(data, *names, axes=None):
     ValueError
         If no name is given, or the dataset has no such variable over a dimension.
     """
-    # Without names the error message says that names are missing.
+    # Without names, `require` looks for a variable "names", so that it says "names is missing".
     plot_curves.require("values", data, names or ("names",), "GearTrain.modes and others")
     for name in names:
         if not data[name].ndim:
@@ -450,6 +461,9 @@ def values(data, *names, axes=None):
 def orbit(*orbits, axes=None, labels=None):
     """Draw periodic orbits in the phase plane, or branches of orbits over their parameter.
 
+    A branch is a family of orbits that changes continuously with a parameter such as the tuning
+    (mesh frequency over natural frequency).
+
     Parameters
     ----------
     *orbits : Orbit or xarray.Dataset
@@ -479,12 +493,14 @@ def orbit(*orbits, axes=None, labels=None):
         labels = periods if labels is None else labels
         return phase_plane(*map(_time_course_of, orbits), axes=axes, labels=labels)
     names = ("displacement_max", "stable", "label")
+    # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "point", "caller": "orbit", "source": "continue_orbit"}
     curves = plot_curves.curves(orbits, labels, names, **sources)
     axes = plot_curves.axes_or_new(axes)
     parameter = orbits[0].attrs.get("parameter", "tuning")
     for curve in curves:
-        # `draw_curve` needs the names "tuning" and "branch"; a dataset here may be a single branch.
+        # `draw_curve` needs the variables "tuning" and "branch". The parameter of a branch may have
+        # another name, and a single branch has no numbers of branches.
         points = curve.data.rename({parameter: "tuning"} if parameter != "tuning" else {})
         if "branch" not in points:
             points = points.assign(branch=xr.zeros_like(points.label))
@@ -493,14 +509,20 @@ def orbit(*orbits, axes=None, labels=None):
             branches_figure.draw_special_points(axes, points.tuning, points[name], points.label)
     axes.set_xlabel(panels.axis_label(orbits[0][parameter]))
     axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
+    # The codes of special points (fold, period doubling, ...) decide which entries are needed.
     codes = np.concatenate([branch.label for branch in orbits])
     axes.legend(handles=branches_figure.legend_entries(codes))
     return axes
 
 
 def _time_course_of(orbit: Orbit):
-    """Return a simulation of an orbit over one period, with the variable `stable`."""
+    """Return a simulation of a periodic orbit over one of its periods, for the phase plane.
+
+    The run starts on the orbit. Its variable `stable`, the stability of the orbit, is added,
+    because it decides between solid and dashed lines.
+    """
     options = {"initial_state": tuple(orbit.state), "periods": orbit.period}
     run = simulate(orbit.model, orbit.tuning, record_periods=orbit.period, **options)
-    # Rounding errors grow along an unstable orbit, so that the run may not detect its period.
+    # The period is set, because rounding errors grow along an unstable orbit, so that the run may
+    # not detect it.
     return run.assign(period=orbit.period, stable=bool(orbit.stable))

@@ -22,10 +22,12 @@ GLIBC_EXCLUDED = "glibc.cpu.hwcaps=-AVX512F,-AVX512CD,-AVX512BW,-AVX512DQ,-AVX51
 def settings(environment=None, flags=None):
     """Return a dict of the environment variables that make rounding equal on all processors.
 
-    The dict is empty if the processor is below x86-64-v3, or if `environment` has the value
-    "native" of `SWITCH_VARIABLE`. Libraries read the variables when they are loaded, glibc when the
-    process starts. `environment` is by default ``os.environ``; its other settings of glibc are
-    preserved. `flags` is the set of features of the processor, by default of this one.
+    They restrict numerical libraries to the instruction set x86-64-v3 (AVX2 and FMA). The dict is
+    empty if the processor lacks it, or if `environment` (by default ``os.environ``) has the value
+    "native" of the variable `SWITCH_VARIABLE`. The C library reads the variables when a process
+    starts, other libraries when they are loaded. Other settings of the C library in
+    "GLIBC_TUNABLES" are preserved. `flags` is the set of processor features, by default of this
+    processor.
     """
     environment = os.environ if environment is None else environment
     flags = features() if flags is None else flags
@@ -36,7 +38,7 @@ def settings(environment=None, flags=None):
     return {
         "GLIBC_TUNABLES": ":".join([*other_tunables, GLIBC_EXCLUDED]),
         "NPY_DISABLE_CPU_FEATURES": NUMPY_EXCLUDED,
-        # With the name alone, numba would use all features of the host.
+        # With the name of the processor alone, numba would use all features of the host.
         "NUMBA_CPU_FEATURES": "+avx2,+fma",
         "NUMBA_CPU_NAME": "x86-64-v3",
         "NUMBA_DISABLE_INTEL_SVML": "1",
@@ -48,7 +50,10 @@ def settings(environment=None, flags=None):
 
 
 def features():
-    """Return the set of features of this processor, which is empty if it is unknown."""
+    """Return the set of features of this processor, such as "avx2"; empty if they are unknown.
+
+    They are known on x86-64 processors under Linux, from the first line "flags" of /proc/cpuinfo.
+    """
     if platform.machine() not in ("x86_64", "AMD64"):
         return set()
     try:

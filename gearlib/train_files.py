@@ -53,10 +53,11 @@ def write_train(train: Any, path: Any) -> None:
 
 
 def _custom_fields(element: Any) -> dict:
-    """Return the fields of a body, shaft, mesh or force that differ from their defaults.
+    """Return a dict of the fields of a body, shaft, mesh or force that differ from their defaults.
 
-    Values are plain: dicts, lists, numbers and texts. Names such as "sun-planet", which follow from
-    the names of the bodies, are left out.
+    Values are plain: dicts, lists, numbers and strings. A name with a hyphen, such as "sun-planet",
+    is left out, because it is made from the names of the bodies. The deviation of the coast-side
+    flanks is left out if it equals that of the drive-side flanks.
     """
     values = {}
     for field in dataclasses.fields(element):
@@ -70,7 +71,7 @@ def _custom_fields(element: Any) -> dict:
 
 
 def _plain(value: Any) -> Any:
-    """Return the value of a field with `Harmonics` as dict and tuples as lists."""
+    """Return a value in types of YAML: a dataclass such as `Harmonics` as dict, a tuple as list."""
     if dataclasses.is_dataclass(value):
         return {name: list(entry) for name, entry in dataclasses.asdict(value).items()}
     return [_plain(entry) for entry in value] if isinstance(value, tuple) else value

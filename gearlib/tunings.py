@@ -10,9 +10,10 @@ NAME_DECIMALS = 4
 
 
 def name_of(*tunings):
-    """Return the name of a tuning or window for files, such as "0.6600" or "0.5000-1.4000".
+    """Return text for file names: "0.6600" for a tuning, "0.5000-1.4000" for a window of tunings.
 
-    `tunings` are one tuning, or the first and the last one of a window.
+    `tunings` (mesh frequency over natural frequency) are one tuning, or the first and the last one
+    of a window. Each number has as many decimals as it needs, at least `NAME_DECIMALS`.
     """
     decimals = [_decimal(tuning) for tuning in tunings]
     return "-".join(f"{x:.{max(NAME_DECIMALS, -x.as_tuple().exponent)}f}" for x in decimals)
@@ -29,16 +30,21 @@ def steps(start, stop, step):
 
 
 def grid(start, stop, step):
-    """Return a list of the tunings from `start` to `stop`, which are a `step` apart."""
+    """Return a list of the tunings from `start` to `stop`, which are a `step` apart.
+
+    A tuning is the mesh frequency over the natural frequency. Steps are added as decimals, because
+    sums of floats would depend on the start of the grid.
+    """
     start_decimal, step_decimal = _decimal(start), _decimal(step)
     count = int(steps(start, stop, step)) + 1
     return [float(start_decimal + i * step_decimal) for i in range(count)]
 
 
 def windows(start, stop, step, width):
-    """Divide a grid into windows; return a list of pairs (first tuning, last tuning).
+    """Divide a grid of tunings into windows; return a list of pairs (first tuning, last tuning).
 
-    The first window goes from `start` to `start` + `width`, the next from the following tuning to
+    A tuning is the mesh frequency over the natural frequency; neighbours are a `step` apart. The
+    first window goes from `start` to `start` + `width`, the next from the following tuning to
     `start` + 2 `width`, and so on, so that a larger `stop` only adds windows. `width` is a whole
     multiple of `step`; the last window may be shorter.
     """

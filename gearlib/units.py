@@ -24,25 +24,25 @@ RPM = re.compile(rf"({_NUMBER}){_RPM}")
 
 @cache
 def _registry():
-    """Return the unit registry of pint, which computes with Decimal."""
+    """Return the unit registry of the package pint, which computes with Decimal, not float."""
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)
 
 
 def rpm(value):
-    """Return the number of a text such as "1500 rpm" or "1500 1/min" as a Decimal.
+    """Return the number in a string such as "1500 rpm" or "1500 1/min", as a Decimal.
 
-    Return None for other texts and other types.
+    Return None for other strings and for values of other types.
     """
     match = RPM.fullmatch(value.strip()) if isinstance(value, str) else None
     return Decimal(match[1]) if match else None
 
 
 def read(text, unit):
-    """Return the value of a text such as "3 kN" as a float in `unit`.
+    """Return the value of a string such as "3 kN", converted to `unit` as a float.
 
-    Raise ValueError if the text has no unit, or a unit of another dimension.
+    Raise ValueError if the string has no unit, or a unit of another dimension.
     """
     match = TEXT.fullmatch(text.strip())
     if match is None:
@@ -57,20 +57,21 @@ def read(text, unit):
 
 @cache
 def _conversion_factor(text, source_unit, unit):
-    """Return the factor that converts values in `source_unit` to `unit`, computed by pint.
+    """Return the factor, computed by pint, that converts values in `source_unit` to `unit`.
 
-    Raise ValueError, which quotes the whole `text`, if the units have different dimensions.
+    Raise ValueError, which quotes the whole string `text` of the user, if the units have different
+    dimensions or different zeros, as degrees Celsius and kelvin have.
     """
     registry = _registry()
     if unit == "m/s^2":  # Accelerations are often measured in g, which pint reads as grams.
         source_unit = re.sub(r"\bg\b", "g_n", source_unit)
     try:
-        # pint sees the unit alone, so that it evaluates no arithmetic of the user.
+        # pint is given the unit without the number, so that it evaluates no arithmetic of the user.
         quantity = registry.Quantity(Decimal(1), source_unit)
         if registry.Quantity(Decimal(0), source_unit).to_root_units().magnitude:
             raise ValueError("the unit has another zero, as degC has")
         if "rpm" in unit and "radian" not in str(quantity.to_root_units().units):
-            # 1/min and Hz count revolutions of a shaft.
+            # 1/min and Hz count revolutions of a shaft, for which pint needs the unit "turn".
             quantity *= registry.Quantity(Decimal(1), "turn")
         return quantity.to(unit).magnitude
     except Exception as error:  # pint raises its own, tokenize's and Python's errors
@@ -82,7 +83,7 @@ WRITTEN_UNITS = {"1": "", "min-1": "rpm"}
 
 
 def cf_units(unit):
-    """Convert a unit to the notation of CF: "N s^2/m^2" to "N s2 m-2", "" to "1"."""
+    """Convert a unit to the CF convention: "N s^2/m^2" becomes "N s2 m-2", "" becomes "1"."""
     numerator, _, denominator = unit.partition("/")
     factors = [factor.replace("^", "") for factor in numerator.split() if factor != "1"]
     for factor in denominator.split():
