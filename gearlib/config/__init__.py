@@ -29,9 +29,10 @@ class ConfigError(ValueError):
 def load(mapping: dict) -> Any:
     """Return the validated `Config` for the content of a YAML file, or raise ConfigError.
 
-    `mapping` is the content as a dict, without defaults. The message has a line for each problem.
+    `mapping` is the content of the file as a dict, to which defaults are added here. The message of
+    the error has one line per problem.
     """
-    # pydantic is imported here so that `gearlib --help` starts quickly.
+    # These modules are imported here, not above, so that `gearlib --help` starts quickly.
     from pydantic import ValidationError
 
     from gearlib.config import defaults
@@ -55,8 +56,9 @@ def load(mapping: dict) -> Any:
 def _with_unused_pair(mapping: dict) -> dict:
     """Return a configuration that has a gearbox, with a gear pair added if it has none.
 
-    The added pair and its zero damping only make the configuration valid; no target uses them. The
-    default target is then the gearbox.
+    `mapping` is the content of a YAML file. The added pair (the gear pair of the paper) and its
+    zero damping only make the configuration valid, because the model requires a pair. The only
+    default target, the gearbox, does not use them. Keys of `mapping` take precedence.
     """
     from gearlib.config.targets import NOT_GIVEN
     from gearlib.models.pair_parameters import PAPER
@@ -69,7 +71,10 @@ def _with_unused_pair(mapping: dict) -> dict:
 
 
 def unknown_sections(mapping: dict) -> list[str]:
-    """Return an error message for each top-level key of `mapping` that no section has."""
+    """Return an error message for each top-level key of `mapping` that is not allowed.
+
+    `mapping` is the content of a YAML file. Allowed keys are the fields of the class `Config`.
+    """
     from gearlib.config.configuration import Config
 
     unknown_keys = [key for key in mapping if key not in Config.model_fields]
@@ -79,8 +84,9 @@ def unknown_sections(mapping: dict) -> list[str]:
 def overlay(base: dict, changes: dict) -> dict:
     """Return a copy of the configuration `base` updated with `changes`, section by section.
 
-    A key of `changes` also removes the alternative keys of `base` that set the same quantity:
-    `gears` removes `gear_pair`, for example.
+    Both are nested dicts as in a YAML file. A key of `changes` also removes those keys of `base`
+    that would set the same quantity in another way, as listed in `_ALTERNATIVES`: `gears` removes
+    `gear_pair`, for example, and `damping_ratio` removes `material_damping`.
     """
     alternatives = set()
     for group in _ALTERNATIVES:
@@ -98,10 +104,11 @@ def overlay(base: dict, changes: dict) -> dict:
 def overlay_gears(base: dict, changes: dict) -> dict:
     """Return the configuration `base` updated with `changes`, without keys that no longer fit.
 
-    If `changes` has gears given by geometry or a gearbox, and `base` has a `gear_pair`, nothing of
-    `base` is kept, because its dampings, bearings and scenes belong to that pair. If `changes` has
-    another `gear_pair`, the scenes of `base` are removed. If `changes` has a train without gears,
-    the targets become the targets of trains.
+    Both are nested dicts as in a YAML file. If `changes` has gears given by geometry or a gearbox,
+    and `base` has a `gear_pair`, nothing of `base` is kept, because its damping values, bearings
+    and scenes (figures of a few chosen runs) belong to that pair. If `changes` has another
+    `gear_pair`, the scenes of `base` are removed. If `changes` has a gear train but neither gears
+    nor targets, the targets become those of gear trains.
     """
     from gearlib.config import gear_names
     from gearlib.config.targets import TRAIN_TARGETS
@@ -117,7 +124,12 @@ def overlay_gears(base: dict, changes: dict) -> dict:
 
 @cache
 def schema() -> dict:
-    """Return the JSON schema of the configuration."""
+    """Return the JSON schema of the configuration, which editors use to check a file.
+
+    pydantic makes the schema from the class `Config`. In this class `gear_pair` is required,
+    because a pair is derived from the section `gears` before the validation if a file has that
+    section. The schema says instead that a file must have exactly one of the two.
+    """
     from gearlib.config.configuration import Config
 
     config_schema = Config.model_json_schema()
@@ -130,7 +142,8 @@ def schema() -> dict:
 def _drop_null_defaults(node: object) -> None:
     """Remove each default null from a node of a JSON schema and from all nodes below it.
 
-    Such a key may be missing, but its value cannot be null.
+    In the model None only means that a key is left out. A schema that states null as the default
+    would suggest that a user may write it, which is not allowed.
     """
     if isinstance(node, dict):
         if "default" in node and node["default"] is None:

@@ -97,12 +97,16 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "Config":
-        """Raise ValueError if values of several sections are not compatible."""
+        """Raise ValueError if values in different sections are not compatible.
+
+        pydantic calls this method when all sections have been read. It returns the configuration
+        itself.
+        """
         for name, scene in self.scenes.items():
             config_key, periods_shown = f"scenes.{name}.periods_shown", scene.periods_shown
             allowed = f"an integer from 1 to the {self.record_periods} recorded mesh periods"
             checks.require(periods_shown <= self.record_periods, config_key, periods_shown, allowed)
-        # A phase lag needs about eight samples in each period of the highest harmonic.
+        # The phase of a harmonic can be measured with about eight samples in each of its periods.
         max_harmonics = self.run.samples_per_period // 8
         allowed = f"an integer from 1 to run.samples_per_period / 8 = {max_harmonics}"
         harmonics = self.phase_lag.harmonics
@@ -111,16 +115,21 @@ class Config(Section):
         if self.profile and self.gears:
             allowed = "left out where gears are given: their stiffness is that of their teeth"
             raise checks.refusal("profile", self.profile.kind, allowed)
-        measured_description.read_sets(self.measured)  # This raises the errors of these files.
-        # Only the workflow computes targets, and it calls `target_errors` itself. With `gears`
-        # these errors are raised here as well, so that commands report them.
+        measured_description.read_sets(self.measured)  # This call only raises errors.
+        # The workflow, which computes the targets, calls `target_errors` itself. If the gears are
+        # given by geometry, its errors are raised here as well, so that all commands report them.
         messages = self.target_errors() if self.gears else []
         if messages:
             raise ValueError("\n".join(messages))
         return self
 
     def _check_sizes(self) -> None:
-        """Raise ValueError if the numbers of jobs, runs or samples are too large to be intended."""
+        """Raise ValueError if a step or a list would cause an unreasonable amount of work.
+
+        Limited are the runs and the jobs of the resonance sweep, and the jobs and samples of all
+        phase planes. A tuning is a mesh frequency over the natural frequency; a job is one process
+        of the workflow, and in the sweep it computes one window, a part of the range of tunings.
+        """
         damping_count, resonance, run = len(self.dampings), self.resonance, self.run
         tuning_range = resonance.stop - resonance.start
         runs = damping_count * len(resonance.directions) * tuning_range / resonance.step
@@ -143,12 +152,14 @@ class Config(Section):
     def target_errors(self) -> list[str]:
         """Return an error message for each reason why requested targets cannot be computed.
 
-        Without the key `targets` only the tolerances are checked, and only if they are not the
-        default ones.
+        A target is a result that the workflow computes, such as "resonance". A message names all
+        targets that are excluded for the same reason. If the file does not have the key `targets`,
+        the default targets that do not fit are skipped silently, and only tolerances stated by the
+        user are checked.
         """
         target_names = self.targets
         if "targets" not in self.model_fields_set:
-            # A user who states tolerances wants them to be computed.
+            # A user who states tolerances expects them to be computed, so that they are checked.
             default_parameters = type(self.tolerances).model_fields["parameters"].default
             tolerances = self.tolerances.model_dump(include={"parameters", "correlations"})
             is_default = tolerances == {"parameters": default_parameters, "correlations": []}
@@ -161,16 +172,22 @@ class Config(Section):
         return [targets.with_target_names(*item) for item in targets_by_reason.items()]
 
     def train_damping_errors(self) -> list[str]:
-        """Return a list with an error message if targets need a missing mesh damping of the train.
+        """Return a list with an error message if the train lacks a mesh damping that targets need.
 
-        Otherwise the list is empty.
+        Otherwise the list is empty. The targets are those to be computed for gear trains, such as
+        the sweep over speed, and the damping is that of the first mesh without one.
         """
         names = [name for name in self.computed_targets() if name in targets.TRAIN_TARGETS]
         reason = targets.mesh_damping_error(self)
         return [targets.with_target_names(reason, names)] if reason and names else []
 
     def computed_targets(self) -> list[str]:
-        """Return the names of the targets to compute, without targets that do not fit the gears."""
+        """Return the names of the targets to compute, without targets that do not fit the gears.
+
+        The sweep of a gear train over speed is added to the default targets if the train is not the
+        default one, and the comparison with measured data is added if the configuration names such
+        data.
+        """
         names = list(self.targets)
         if "targets" not in self.model_fields_set and targets.has_custom_train(self):
             names.append("train_sweep")
@@ -189,11 +206,12 @@ class Config(Section):
         return self.run.recorded_revolutions * self.gear_pair.teeth
 
     def pair(self, damping: str | Damping | None = None, change: Any = None) -> dict:
-        """Return the description of the gear pair, from which `from_values.model` makes its model.
+        """Return a dict that describes the gear pair with one of its damping combinations.
 
-        A description is a dict of plain values. `damping` is the section of a damping, or its name;
-        None means no damping. `change` is a section with other values for parameters of the pair,
-        or None.
+        It has the key "model", which is "pair", and the arguments from which `from_values.model`
+        builds the model. `damping` is a section with damping coefficients or the name of one in the
+        configuration; None means no damping. `change` is a section with other values for some
+        parameters of the pair, or None.
         """
         if isinstance(damping, str):
             damping = self.dampings[damping]
@@ -206,11 +224,13 @@ class Config(Section):
         return description
 
     def gears_model(self, damping: str, kind: str = "", pitch_errors: bool = False) -> dict:
-        """Return the description of a model of the gears, see `pair`, with the named damping.
+        """Return a dict that describes a model of the gears with the named damping.
 
-        `kind` is "teeth", "rectangle", "six_degrees" or "train"; by default "teeth" if the gears
-        are given by geometry, else "rectangle". With `pitch_errors` pairs of teeth have their pitch
-        errors.
+        `kind` is the model: "teeth" (each pair of teeth deforms by itself), "rectangle" (a mesh
+        stiffness that alternates between two values), "six_degrees" (gears on elastic bearings) or
+        "train" (the gear train). The default, "", means "teeth" if the gears are given by geometry,
+        else "rectangle". `pitch_errors` says whether the model "teeth" includes the pitch errors of
+        the gears.
         """
         kind = kind or ("teeth" if self.gears else "rectangle")
         if kind == "teeth":
@@ -227,7 +247,11 @@ class Config(Section):
         return self.pair(damping)
 
     def six_degree_parameters(self) -> dict:
-        """Return the keyword arguments of `gearlib.SixDegreePair` except `pair`."""
+        """Return the arguments of `gearlib.SixDegreePair` except `pair`, as a dict.
+
+        If the gears are given by geometry, their numbers of teeth are added to the section
+        `six_degrees`.
+        """
         arguments = self.six_degrees.model_dump()
         if self.gears:
             gears = self.gears.geometry_dict()
@@ -235,10 +259,12 @@ class Config(Section):
         return arguments
 
     def candidate_models(self, scene: Any) -> list[str]:
-        """Return the names of the models that have all time histories `courses` of a scene.
+        """Return the names of the models that can compute all time histories of a scene.
 
-        The smallest model comes first; "six_degrees_plain" has neither run-out nor friction. If the
-        scene names a model, this is the only one.
+        A scene is a section for a figure of a few runs; its `courses` are the names of the time
+        histories. The model with the fewest degrees of freedom comes first. "pair" has no bearing
+        forces, and "six_degrees_plain" is the model "six_degrees" without run-out and friction. If
+        the scene names a model, this is the only one.
         """
         if scene.model != "smallest":
             return [scene.model]
@@ -250,12 +276,15 @@ class Config(Section):
     def tolerance_distributions(self) -> dict:
         """Return the section `tolerances` as a dict of distributions for `gearlib.scatter`.
 
-        Raise ValueError if a tolerance is not valid for the gears of the configuration.
+        The nominal values of the parameters are taken from the gear pair and, if the tolerances
+        concern the geometry of the gears, from the geometry. Raise ValueError if a tolerance is not
+        valid for them.
         """
         coefficients = self.dampings[self.tolerances.damping].model_dump()
         parameters = self.gear_pair.model_dump() | coefficients
         pair = PairParameters(**parameters)
-        # Ratios such as the damping ratio follow from the parameters, and may have tolerances, too.
+        # Tolerances may also be stated for ratios, such as the damping ratio, which follow from the
+        # parameters.
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}
         if self.tolerances.concern_geometry():
             stage = self.gears.geometry_dict()

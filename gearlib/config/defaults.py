@@ -35,9 +35,10 @@ _BODY_KEYS = ("base_radii", "inertias", "masses")
 def add_defaults(mapping: object) -> tuple[object, dict]:
     """Return the content of a YAML file with defaults added, and the context of its validation.
 
-    The context is a dict with three keys: `pair` and `dampings` are the validated sections, None if
-    invalid; `by_geometry` says whether the gears are given by geometry, in the section `gears`. A
-    content that is not a mapping is returned unchanged, with an empty context.
+    `mapping` is the content; if it is not a dict, it is returned unchanged with an empty context.
+    The context is a dict of values that pydantic passes to the validators of all sections: `pair`
+    and `dampings` are the validated sections, None if invalid; `by_geometry` says whether the gears
+    are given by their geometry, in the section `gears`.
     """
     if not isinstance(mapping, dict):
         return mapping, {}
@@ -53,7 +54,7 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
             other_problems = [name for name in get_args(Problem) if name != "six_degrees"]
             defaults["work_precision"]["problems"] = other_problems
     elif isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODY_KEYS):
-        # The default bodies and bearings would not fit the bodies that are given.
+        # Default values of the other bodies and bearings would not fit those that the user gives.
         for key in (*_BODY_KEYS, "bearing_stiffness"):
             del defaults["six_degrees"][key]
     completed = overlay(defaults, mapping)
@@ -68,7 +69,9 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
 def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | None]:
     """Return the sections (gear pair, gears, dampings) of a configuration, None where invalid.
 
-    If the gears are given by geometry, the gear pair is derived from it; else `gears` is None.
+    `mapping` is the content of a YAML file. If the gears are given by geometry, in the section
+    `gears`, the gear pair is derived from it; otherwise `gears` is None. Errors are not reported
+    here, because the validation of the whole configuration reports them.
     """
     pair, gears = None, None
     try:
@@ -86,29 +89,34 @@ def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | 
 def _resonance_range(resonance: Any, pair: Any, speed: float | None) -> dict[str, float]:
     """Return the default range of the resonance sweep for gears given by geometry.
 
-    The dict has the keys `start`, `stop` and `lowest`; it is empty if the section `resonance` has a
-    start or stop, or an invalid step. The range of tunings, 0.5 to 1.4, is extended by whole steps
-    to the `speed` of the gears, rpm, unless this is None; `pair` converts it to a tuning. Down to
-    `lowest`, a fifth of start, a downward sweep is extended until the motion has jumped.
+    The range covers the tunings (mesh frequency over natural frequency) from 0.5 to 1.4. It is
+    extended by whole steps to the operating `speed` of the gears, rpm, unless this is None; `pair`
+    converts it to a tuning. The dict has the keys `start`, `stop` and `lowest`: from `start` the
+    downward sweep goes on until the motion jumps, but not below `lowest`. The dict is empty if
+    `resonance`, the section of the user, already has a start or stop, or an invalid step.
     """
     section = resonance if isinstance(resonance, dict) else {}
     step = section.get("step", Resonance.model_fields["step"].default)
     if {"start", "stop"} & section.keys() or not isinstance(step, (int, float)) or not step > 0.0:
         return {}
     start, stop = Decimal("0.5"), Decimal("1.4")
-    # A tuning above 100 is not allowed, so that the speed itself must be wrong.
+    # A tuning above 100 is not allowed. Such a speed must be a mistake and extends no range.
     if speed is not None and speed * tuning_per_rpm(pair) <= 100.0:
         tuning, step = Decimal(speed * tuning_per_rpm(pair)), Decimal(repr(step))
         steps_below, steps_above = (start - tuning) / step, (tuning - stop) / step
-        # The first tuning stays above 0.
+        # The second limit keeps the first tuning above 0.
         start -= step * max(0, min(math.ceil(steps_below), math.ceil(start / step) - 1))
         stop += step * max(0, math.ceil(steps_above))
     return {"start": float(start), "stop": float(stop), "lowest": float(start) / 5.0}
 
 
 def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[str, dict]:
-    """Return the defaults that depend on the gears, as a dict: section -> key -> default value."""
-    damping_sums = {}
+    """Return the defaults that depend on the gears, as a dict: section -> key -> default value.
+
+    Lengths are scaled by the static deflection or the backlash of the pair, and damping values are
+    taken from `dampings`, the damping combinations of the configuration by name.
+    """
+    damping_sums = {}  # 0 means that a combination has no damping at all
     for name, damping in dampings.items():
         damping_sums[name] = damping.material_damping + damping.backlash_damping
     damped_names = [name for name, damping_sum in damping_sums.items() if damping_sum > 0.0]
@@ -117,16 +125,18 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
     moderate_damping = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
     coefficients = [(x.material_damping, x.backlash_damping) for x in dampings.values()]
     max_damping = max(map(max, coefficients)) or moderate_damping
-    # Only motions with damping in contact settle from every initial state.
+    # Basins of attraction need damping in contact, without which motions do not become periodic.
     settling = {name: x for name, x in dampings.items() if x.material_damping > 0.0}
     if not settling:
         damping = Damping(material_damping=moderate_damping, backlash_damping=moderate_damping)
         settling = {f"damping ratio {_DAMPING_RATIO:g}": damping}
-    # Linear and cubic damping have the same force at the velocity deflection * frequency.
+    # With this coefficient cubic and linear damping have the same force at the velocity
+    # deflection * frequency.
     cubic_damping = max_damping / (deflection * frequency) ** 2
     poincare_cases = _panel_cases(dampings, _POINCARE_TUNING)
     for name, case in zip(dampings, poincare_cases, strict=False):
-        # The section is at mesh phase 0. Undamped motions do not settle, so no period is skipped.
+        # The Poincare section is at mesh phase 0. `settle` is the number of mesh periods that are
+        # skipped before it, to let transients decay. Undamped motions have none that decay.
         case |= {"phase": 0.0, "settle": _SETTLING_PERIODS if damping_sums[name] else 0}
     return {
         "phase_lag": {"material_dampings": [max_damping, max_damping / 100.0]},
@@ -158,10 +168,12 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
 def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
     """Return bodies and bearings of two equal gears that have the reduced mass of `pair`, in SI.
 
-    The pinion (index 3 in the paper) and the wheel (index 2) with base radii Rb, inertias J and
-    masses m satisfy 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2. The four bearings, along
-    y and z of the pinion, then of the wheel, have 1/40 of the mesh stiffness and 2 % of critical
-    damping. The run-out is small.
+    The pinion (index 3 in the paper) and the wheel (index 2) have base radii Rb, moments of inertia
+    J and masses m such that 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2: with J = 3 Rb^2
+    m_red and m = 6 m_red the four terms are 1/3, 1/3, 1/6 and 1/6 of 1 / m_red. The four bearings,
+    along y and z of the pinion, then of the wheel, have 1/40 of the mesh stiffness and 2 % of
+    critical damping. The run-out is a part of the static deflection, and at most a fifth of the
+    backlash.
     """
     mass = 6.0 * pair.reduced_mass
     bearing_stiffness = pair.max_stiffness / 40.0
@@ -176,7 +188,11 @@ def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
 
 
 def _panel_cases(dampings: dict[str, Damping], tuning: float) -> list[dict]:
-    """Return the value of a key `cases`: a panel at this tuning for each of the first dampings."""
+    """Return a list of panels of a figure, one for each damping combination, with one tuning.
+
+    Each is a dict with the keys title, tuning (mesh frequency over natural frequency) and damping.
+    A figure has space for `_MAX_PANELS` panels, so that further combinations are left out.
+    """
     cases = []
     for name, damping in list(dampings.items())[:_MAX_PANELS]:
         title = f"tuning {tuning:.2f}, {name}"[:_MAX_TITLE_LENGTH]
@@ -185,10 +201,11 @@ def _panel_cases(dampings: dict[str, Damping], tuning: float) -> list[dict]:
 
 
 def _damping_colours(dampings: Iterable[str], configured: dict[str, str]) -> dict[str, str]:
-    """Return a colour for each damping: the one in `configured`, else a new one.
+    """Return the colours of the damping combinations as a dict: name -> "#rrggbb".
 
-    `configured` maps names of dampings to colours; colours that are not valid are kept, so that the
-    validation reports them.
+    `dampings` are the names of the combinations, and `configured` has the colours that the user has
+    chosen. The others get colours of the palette that are not yet used. A configured colour that is
+    not valid is kept, so that the validation reports it.
     """
     used_colours = [
         colour for colour in map(str, configured.values()) if re.fullmatch(COLOUR_PATTERN, colour)

@@ -35,7 +35,11 @@ class Resonance(grid_base(0.5, 1.4, 0.0005)):
 
     @model_validator(mode="after")
     def _check_grid(self):
-        """Raise ValueError unless range and window are whole multiples of the step."""
+        """Raise ValueError unless range and window are whole multiples of the step.
+
+        The range of tunings from start to stop is computed in windows, parts of this width. Return
+        the section itself, as pydantic expects.
+        """
         self.check_steps("step", MAX_TUNINGS)
         is_multiple = tunings.steps(0.0, self.window, self.step) % 1 == 0
         allowed = f"a whole multiple of step = {self.step:.12g}"
@@ -43,10 +47,11 @@ class Resonance(grid_base(0.5, 1.4, 0.0005)):
         return self
 
     def windows(self, direction):
-        """Return a list of (first, last) tuning of each job of a sweep "cold", "up" or "down".
+        """Return the first and last tuning of each job of a resonance sweep, as a list of pairs.
 
-        In a "cold" sweep all runs start from the same initial state, so that it is divided into
-        independent jobs. Sweeps up and down are a single job, because each run starts from the
+        `direction` is "cold", "up" or "down". In a "cold" sweep all runs start from the same
+        initial state, so that they can be divided into independent jobs (processes of the
+        workflow). An upward or downward sweep is a single job, because each run starts from the
         final state of the previous one.
         """
         if direction == "cold":
@@ -150,7 +155,10 @@ class Labels(grid_base(0.5, 1.4, 0.01)):
 
 
 def check_increasing(section, low_key, high_key):
-    """Raise ValueError unless the value of the key `high_key` exceeds the value of `low_key`."""
+    """Raise ValueError unless one value of a section is greater than another one.
+
+    `low_key` and `high_key` are the keys of the two values in the `section`.
+    """
     low, high = getattr(section, low_key), getattr(section, high_key)
     checks.require(high > low, high_key, high, f"greater than {low_key} = {low!r}")
 
@@ -164,6 +172,7 @@ class LociSection(Section):
 
     @model_validator(mode="after")
     def _check(self):
+        """Raise ValueError unless the upper limit of the damping ratio exceeds the lower one."""
         check_increasing(self, "lowest", "highest")
         return self
 
@@ -176,6 +185,7 @@ class _TuningRange(Section):
 
     @model_validator(mode="after")
     def _check_span(self):
+        """Raise ValueError unless the last tuning is greater than the first one."""
         check_increasing(self, "start", "stop")
         return self
 
@@ -263,12 +273,14 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if titles are not unique, or if the model lacks a time history.
+        """Raise ValueError if two titles are equal, or if the model lacks a time history.
 
-        `courses` has the names of the time histories. Only models with six degrees of freedom have
-        bearing forces, and the plain one has no friction.
+        `courses` has the names of the time histories of the figure. The model "pair" has one degree
+        of freedom and no bearing forces; "six_degrees_plain" has bearings, but no friction. Each
+        index in an error message belongs to the list `courses`.
         """
         check_unique("cases", self.cases, "title")
+        # Model -> time histories that it lacks, and its name in the error message.
         missing_histories = {
             "pair": (SIX_DEGREE_HISTORIES, "pair"),
             "six_degrees_plain": (FRICTION_HISTORIES, "six_degrees_plain (no friction)"),
@@ -301,7 +313,11 @@ class _InitialStates(Section):
 
     @model_validator(mode="after")
     def _check_states(self):
-        """Raise ValueError if a range of initial values is empty or titles are not unique."""
+        """Raise ValueError if a range of initial values is empty, or if two titles are equal.
+
+        A range is a pair [lowest, highest value]. Only sections with `cases`, the panels of a
+        figure, have titles.
+        """
         for key in ("displacement", "velocity"):
             low, high = getattr(self, key)
             checks.require(low < high, key, [low, high], "a lower value and a higher one")
@@ -310,7 +326,10 @@ class _InitialStates(Section):
 
 
 def _check_damped(key, damping):
-    """Raise ValueError, which names the config key, if both coefficients of `damping` are zero."""
+    """Raise ValueError if both coefficients of `damping`, in contact and in free flight, are 0.
+
+    The error names the configuration key `key`.
+    """
     allowed = "> 0 for material or backlash, because a mesh without damping has no attractors"
     is_undamped = damping.material_damping == damping.backlash_damping == 0.0
     checks.require(not is_undamped, key, 0, allowed)
@@ -327,7 +346,10 @@ class Basins(_InitialStates):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if one of the cases has no damping."""
+        """Raise ValueError if the damping of one of the panels in `cases` is zero.
+
+        Without damping no motion is attracted by an orbit, so that there are no basins.
+        """
         for i, case in enumerate(self.cases):
             _check_damped(f"cases[{i}].damping", case.damping)
         return self
@@ -347,7 +369,11 @@ class Bifurcation(_InitialStates, grid_base(0.45, 0.95, 0.001)):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError without damping, or unless the range is a multiple of `share_step`."""
+        """Raise ValueError without damping, or unless the range is a multiple of `share_step`.
+
+        `share_step` is the distance of the tunings at which the shares of the basins of attraction
+        are computed.
+        """
         _check_damped("damping", self.damping)
         self.check_steps("share_step")
         return self
@@ -410,6 +436,7 @@ class Trial(Section):
 
 
 def _trial(name, method, **options):
+    """Return a dict with the keys of a `Trial`: an integration method with its options."""
     return {"name": name, "method": method, "options": options}
 
 
@@ -441,6 +468,7 @@ class Failures(Section):
 
     @model_validator(mode="after")
     def _check(self):
+        """Raise ValueError if two trials have the same name."""
         check_unique("trials", self.trials, "name")
         return self
 

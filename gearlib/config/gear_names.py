@@ -17,8 +17,9 @@ _TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 def name_of_stage(pair: Any, modified: bool = True, pitch_errors: bool = True) -> str:
     """Return the name of gears given by geometry: "gear pair z 23/61, m 2.5 mm, tip relief".
 
-    `pair` is a `StageSection`. `modified` is False where tip reliefs and pitch errors of the gears
-    are left out of the computation, `pitch_errors` where only pitch errors are; the name says so.
+    `pair` is a `StageSection`, z stands for the numbers of teeth and m for the normal module.
+    `modified` is False if a computation ignores tip reliefs and pitch errors of the gears, and
+    `pitch_errors` is False if it ignores pitch errors; the name then says that they are left out.
     """
     pinion, wheel = pair.pinion, pair.wheel
     is_fzg = all(getattr(pair, gear).model_dump() == FZG_C[gear] for gear in ("pinion", "wheel"))
@@ -34,15 +35,20 @@ def name_of_stage(pair: Any, modified: bool = True, pitch_errors: bool = True) -
 
 
 def _module_and_helix(gear: Any) -> str:
-    """Return the normal module, and the helix angle if not zero, of a gear as text."""
+    """Return text with the normal module of a gear and, if not zero, its helix angle.
+
+    `gear` is the section of the gear.
+    """
     helix = f", β {math.degrees(gear.helix_angle):.6g}°" if gear.helix_angle else ""
     return f"m {1e3 * gear.module:.6g} mm{helix}"
 
 
 def parameters_differ(base: dict, changed: dict) -> bool:
-    """Return whether two configurations have valid gear pairs that are different.
+    """Return whether two configurations have valid gear pairs with different names.
 
-    Both are contents of YAML files. If a gear pair is not valid, return False.
+    Both are contents of YAML files. The name of a pair states its maximum stiffness, stiffness
+    ratio, contact ratio and reduced mass, so that pairs with another load or backlash do not
+    differ. If one of the pairs is missing or not valid, return False.
     """
     try:
         pairs = [GearPairSection.model_validate(x.get("gear_pair")) for x in (base, changed)]
@@ -52,9 +58,10 @@ def parameters_differ(base: dict, changed: dict) -> bool:
 
 
 def name_of_pair(config: Any, modified: bool = True, pitch_errors: bool = True) -> str:
-    """Return the name of the gear pair of a configuration.
+    """Return the name of the gear pair of a configuration, for titles and captions.
 
-    The name says if modified flanks or only pitch errors are left out, see `name_of_stage`.
+    For gears given by geometry, `modified` is False if a computation ignores their tip reliefs and
+    pitch errors, and `pitch_errors` is False if it ignores pitch errors; the name then says so.
     """
     if config.gears:
         return name_of_stage(config.gears, modified, pitch_errors)
@@ -64,21 +71,23 @@ def name_of_pair(config: Any, modified: bool = True, pitch_errors: bool = True) 
 def name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) -> str:
     """Return the name of the gear pair of a configuration with its model of stiffness.
 
-    The model is pairs of teeth if `teeth`, else the rectangle; the name of gears that are not given
-    by geometry has no model. `pitch_errors` is False where pitch errors are left out.
+    The model is that of single pairs of teeth if `teeth`, else a stiffness that alternates between
+    two values (the rectangle). Only the name of gears given by geometry states it, with the method
+    that computes the stiffness. `pitch_errors` is False if the computation ignores pitch errors.
     """
     gears, name = config.gears, name_of_pair(config, modified=teeth, pitch_errors=pitch_errors)
     if config.profile:
         name += f"; {profile_of(**config.profile.model_dump()).description}"
     if gears is None:
         return name
+    # By default pairs of teeth use the method that suits the geometry, and the rectangle ISO 6336.
     method = gears.stiffness or (gears.mesh().tooth_stiffness if teeth else "iso")
     name += f"; {'pairs of teeth' if teeth else 'rectangle'}, {METHOD_NAMES[method]}"
     return name + (unused_options(gears) if teeth else "")
 
 
 def unused_options(gears: Any) -> str:
-    """Return a text on configured stiffness options that pairs of teeth do not use, else ""."""
+    """Return text on the configured stiffness options that pairs of teeth do not use, else ""."""
     names = {*(gears.stiffness_options or ())} & {"hertz", "application_factor"}
     return f", without {' and '.join(sorted(names))}" if names else ""
 
@@ -89,16 +98,21 @@ def name_of_reducer(config: Any) -> str:
 
 
 def _reducer_name(config: Any, teeth: Sequence[int] | None) -> str:
-    """Return the name of a reducer with these numbers of teeth; None means the paper's numbers."""
+    """Return the name of a reducer whose meshes are all the gear pair of the configuration.
+
+    `teeth` are the numbers of teeth of its gears from input to output; None means those of the
+    reducer in the paper.
+    """
     is_paper = not teeth or list(teeth) == type(config.reducer).model_fields["teeth"].default
     name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {'/'.join(map(str, teeth))}"
     return f"{name}, every mesh: {name_of_pair(config, modified=False)}"
 
 
 def name_of_train(config: Any) -> str:
-    """Return the name of the gear train of a configuration.
+    """Return the name of the gear train of a configuration, for titles and captions.
 
-    The kind "own" is a train of the user's bodies and meshes.
+    `config.train.kind` is the name of the section that describes the train; "own" is a train of the
+    user's own bodies and meshes.
     """
     kind, section = config.train.kind, getattr(config.train, config.train.kind)
     if kind == "planetary":

@@ -26,7 +26,11 @@ _Pair = create_section("_Pair", "", PairParameters, exclude=DAMPINGS, required=(
 
 
 def rounded(value: Any) -> Any:
-    """Return a float, or a list of floats, rounded to 12 digits; return other values unchanged."""
+    """Return a float or a list of floats, rounded to 12 significant digits.
+
+    Other values are returned unchanged. The digits that are dropped depend on the units in which
+    the geometry was given.
+    """
     if isinstance(value, list):
         return [rounded(item) for item in value]
     return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
@@ -37,7 +41,10 @@ class GearPairSection(_Pair, PairScales):
 
     @model_validator(mode="after")
     def _check(self) -> "GearPairSection":
-        """Raise ValueError if stiffness, mass or load of the pair are numerically out of range."""
+        """Raise ValueError if stiffness, mass or load of the pair are numerically out of range.
+
+        Beyond these limits squares of the values overflow or underflow.
+        """
         check_scales(self)
         mean, ratio = self.mean_stiffness, self.stiffness_ratio
         allowed = f"large enough for a mean stiffness, {mean!r} N/m, >= {MIN_MAGNITUDE}"
@@ -64,8 +71,10 @@ class Damping(_Coefficients):
     def _to_coefficients(self, info: ValidationInfo) -> "Damping":
         """Return the damping with ratios replaced by their coefficients, N s/m.
 
-        `RATIO_KEYS` has the ratios that may replace a coefficient. `info` has the validation
-        context with the gear pair; without a valid pair nothing is converted.
+        A user gives each coefficient of `RATIO_KEYS` either directly or by one of its ratios, such
+        as the logarithmic decrement. `info` has the context of the validation: the gear pair, which
+        converts the ratios, and whether the gears are given by geometry. Without a valid pair
+        nothing is converted.
         """
         pair = from_context(info, "pair")
         coefficients: dict[str, float] = {}
@@ -84,23 +93,26 @@ class Damping(_Coefficients):
                 raise checks.InputError(first_key, problem=problem)
             ((key, value),) = values.items()
             if pair and from_context(info, "by_geometry"):
-                # This raises an error unless the damping is below critical.
+                # This call only raises an error unless the damping ratio is below 1.
                 checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
             given[key] = value
             if pair and key != coefficient_key:
                 if key == "logarithmic_decrement":
-                    value /= math.hypot(math.tau, value)  # the damping ratio
+                    # delta = 2 pi beta / sqrt(1 - beta^2), solved for the damping ratio beta
+                    value /= math.hypot(math.tau, value)
                 value = damping_coefficient(value, pair.mean_stiffness, pair.reduced_mass)
                 value = rounded(value)
             coefficients[coefficient_key] = value
+        # The values are checked already, so that the section is made without validation.
         damping = Damping.model_construct(**coefficients) if pair else self
         damping._given = given
         return damping
 
     def given(self) -> dict[str, float]:
-        """Return the coefficients, N s/m, or ratios that the configuration states, by their keys.
+        """Return the damping as the configuration states it, as a dict: key -> value.
 
-        A damping that comes from no configuration has its coefficients.
+        The keys are those of coefficients (N s/m) or of ratios. A damping that was created in the
+        program, without a configuration, has its coefficients.
         """
         return dict(self._given) or self.model_dump(include=set(DAMPINGS))
 
@@ -150,7 +162,10 @@ class Run(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "Run":
-        """Raise ValueError if more revolutions are recorded than a run has."""
+        """Raise ValueError if more revolutions are recorded than a run has.
+
+        The recorded revolutions are the last ones of a run, which are evaluated.
+        """
         recorded, revolutions = self.recorded_revolutions, self.revolutions
         allowed = f"an integer from 1 to revolutions = {revolutions}"
         checks.require(recorded <= revolutions, "recorded_revolutions", recorded, allowed)
@@ -200,9 +215,10 @@ class SixDegrees(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "SixDegrees":
-        """Raise an error if radii, inertias or masses are missing.
+        """Raise an error if radii, inertias or masses of the two gears are missing.
 
-        They have common defaults, which `defaults.add_defaults` leaves out if one of them is given.
+        These keys have defaults that suit each other. If the user gives one of the keys,
+        `defaults.add_defaults` adds no default for the others, which must then be given as well.
         """
         for key in ("base_radii", "inertias", "masses"):
             if getattr(self, key) is None:

@@ -63,9 +63,10 @@ _Placed = create_section(
 
 
 def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) -> SpurGear:
-    """Return the `SpurGear` that the section `gear` describes; error messages name `section_key`.
+    """Return the `SpurGear` that a section describes; error messages name its key `section_key`.
 
-    Values that the section lacks are taken from the section `pinion`, if given, or from `defaults`.
+    `gear` is the section. Values that it lacks, such as the module, are taken from the section
+    `pinion` of the mating gear, if given, or from `defaults`, further fields of `SpurGear`.
     """
     pinion_values = None if pinion is None else pinion.model_dump()
     with checks.below(section_key):
@@ -89,7 +90,9 @@ class MethodSection(Section):
     def stiffness_arguments(self) -> dict:
         """Return the arguments `stiffness` and `options` of `GearStage.pair_parameters`.
 
-        Arguments that the configuration does not state are left out.
+        They are the method of computing the mesh stiffness and a dict of its options. Arguments
+        that the configuration does not state are left out. The torque is not allowed as an option,
+        because it is a key of the section itself.
         """
         arguments = self.model_dump(include={"stiffness", "stiffness_options"})
         if "stiffness_options" in arguments:
@@ -100,9 +103,9 @@ class MethodSection(Section):
         return arguments
 
     def option_keys(self, section: str = "") -> dict[str, str]:
-        """Return a dict: name of each stiffness option -> its key, for error messages.
+        """Return a dict: name of each stiffness option -> its key in the configuration.
 
-        `section` is the start of the key, such as "meshes[0].".
+        Error messages name these keys. `section` is the start of each key, such as "meshes[0].".
         """
         return {name: f"{section}stiffness_options.{name}" for name in self.stiffness_options or ()}
 
@@ -115,18 +118,23 @@ class StageSection(_Placed):
     torque: p.DrivingTorque = field("Torque of the pinion, N m.")
 
     def mesh(self) -> GearStage:
-        """Return the `gearlib.geometry.GearStage` of the pair."""
+        """Return the `gearlib.geometry.GearStage` of the two gears.
+
+        Values that the section of the wheel lacks are taken from the pinion.
+        """
         pinion = spur_gear("pinion", self.pinion)
         wheel = spur_gear("wheel", self.wheel, self.pinion)
         return GearStage(pinion, wheel, self.centre_distance, self.backlash)
 
     def check(self, stiffness_methods: Iterable[str]) -> None:
-        """Raise an error if the gears are impossible or a stiffness method fails for them.
+        """Raise an error if the gears are impossible or their stiffness cannot be computed.
 
-        The methods to try are "iso" and "energy", or none.
+        `stiffness_methods` are the methods to try: "iso" (ISO 6336-1), "energy" (deformation energy
+        of the teeth), both or none.
         """
         values = self.model_dump(include={"pinion", "wheel", "centre_distance"})
-        # The default gears are known to be valid; computing them would slow the workflow's start.
+        # The default gears are known to be valid. Computing them would slow each start of the
+        # workflow.
         if any(values.items() <= pair.items() for pair in (FZG_C, Z20_PAIR)):
             return
         mesh = self.mesh()
@@ -136,7 +144,8 @@ class StageSection(_Placed):
     def modification_key(self, *keys: str) -> str:
         """Return the first of the `keys` that pinion or wheel has, as "pinion.tip_relief", else "".
 
-        By default the keys are tip_relief and pitch_errors, which modify the involute flanks.
+        Without arguments the keys are tip_relief and pitch_errors, by which flanks deviate from
+        involutes.
         """
         for gear_name in ("pinion", "wheel"):
             for key in keys or ("tip_relief", "pitch_errors"):
@@ -154,7 +163,7 @@ class Gears(MethodSection, StageSection):
 
     @model_validator(mode="after")
     def _check(self) -> "Gears":
-        """Raise ValueError if no section `gear_pair` can be derived from the gears."""
+        """Raise ValueError if the values of a gear pair cannot be computed from the gears."""
         self.pair()
         return self
 
@@ -171,7 +180,10 @@ class Gears(MethodSection, StageSection):
         return self.model_dump(exclude={"power", "speed"}) | {"torque": self.driving_torque()}
 
     def pair(self) -> dict:
-        """Return the values of the section `gear_pair` that follow from the geometry."""
+        """Return the values of the section `gear_pair` that follow from the geometry, as a dict.
+
+        They are rounded to 12 digits. The damping is left out, because it has a section of its own.
+        """
         mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
         with checks.below("", outer_diameter="wheel.outer_diameter", **self.option_keys()):
             values = mesh.pair_parameters(**arguments)
@@ -180,7 +192,9 @@ class Gears(MethodSection, StageSection):
     def six_degrees(self) -> dict:
         """Return the values of the section `six_degrees` that follow from the geometry.
 
-        Friction, run-out and bearing damping are 0; the bearing stiffness is left out.
+        They are radii, inertias and masses of both gears and the mesh phase at the pitch point.
+        Friction, run-out and bearing damping are 0. The bearing stiffness is left out, because the
+        gears do not determine it.
         """
         zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
         values = {key: rounded(value) for key, value in six_degree_parameters(self.mesh()).items()}
@@ -195,7 +209,7 @@ class PublishedPair(StageSection):
 
     @model_validator(mode="after")
     def _check(self) -> "PublishedPair":
-        """Raise ValueError if one of the stiffness methods fails for the gears."""
+        """Raise ValueError if one of the two stiffness methods fails for the gears."""
         self.check(stiffness_methods=("iso", "energy"))
         return self
 
@@ -225,7 +239,11 @@ class HarrisMap(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "HarrisMap":
-        """Raise ValueError if there is no Harris map of the gears."""
+        """Raise ValueError if the gears or their mesh stiffness are impossible to compute.
+
+        The Harris map shows the static transmission error at several loads and needs this
+        stiffness.
+        """
         with checks.below("gears"):
             self.gears.check(stiffness_methods=[self.stiffness])
         return self
@@ -249,7 +267,11 @@ class DynamicFactor(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "DynamicFactor":
-        """Raise ValueError if the gears are impossible or the speeds do not increase."""
+        """Raise ValueError if the gears are impossible or the speeds do not increase.
+
+        `start` and `stop` are speeds in rpm; None means that they follow from the resonance speed
+        later.
+        """
         with checks.below("gears"):
             self.gears.check(stiffness_methods=())
         allowed = f"above start = {self.start!r}"
@@ -259,15 +281,19 @@ class DynamicFactor(Section):
 
 
 def takes_configured_gears(config: Any, section_name: str) -> bool:
-    """Return whether a section in `GEARS_KEYS` has no gears and uses the section `gears`."""
+    """Return whether a section without gears of its own uses those of the section `gears`.
+
+    `section_name` is a key of `GEARS_KEYS`, such as "harris_map".
+    """
     section = getattr(config, section_name)
     return config.gears is not None and GEARS_KEYS[section_name] not in section.model_fields_set
 
 
 def stage_sections(config: Any, section_name: str) -> dict[str, StageSection]:
-    """Return a dict with the gears of a section in `GEARS_KEYS`, by name.
+    """Return the gears of a study of gear geometry as a dict: name -> `StageSection`.
 
-    If the section has no gears, they are the gears of the section `gears`.
+    `section_name` is a key of `GEARS_KEYS`, such as "harris_map". If this section states no gears,
+    they are the gears of the section `gears` of the configuration.
     """
     if not takes_configured_gears(config, section_name):
         pairs = getattr(getattr(config, section_name), GEARS_KEYS[section_name])
@@ -279,9 +305,14 @@ def stage_sections(config: Any, section_name: str) -> dict[str, StageSection]:
 
 
 def configured_gears_error(config: Any, section_name: str) -> str:
-    """Return the reason why a section in `GEARS_KEYS` cannot use the configured gears, else ""."""
+    """Return the reason why a study cannot use the gears of the section `gears`, else "".
+
+    `section_name` is the section of the study, a key of `GEARS_KEYS`. There is no reason if it
+    states gears of its own.
+    """
     if not takes_configured_gears(config, section_name):
         return ""
+    # The stiffness methods that each study needs.
     methods = {"mesh_stiffness": ["iso", "energy"], "harris_map": [config.harris_map.stiffness]}
     try:
         for pair in stage_sections(config, section_name).values():
