@@ -87,13 +87,15 @@ def characteristic_frequencies(gears, speed: Speed):
 def _planet_passing_frequencies(train: Any, reference_frequency: float) -> np.ndarray:
     """Return for each body of a train the frequency at which planets pass one of its teeth, in Hz.
 
-    It is the number of planets that mesh with the body, times its speed in the frame where the axes
-    of the planets are at rest; NaN for a body that meshes with no planet. `reference_frequency` is
-    the frequency of the reference mesh in Hz; the speeds of a train are relative to it.
+    The frequency is the number of planets that mesh with the body, times the speed of the body in
+    the frame where the axes of the planets are at rest; NaN for a body that meshes with no planet.
+    `train` is a `GearTrain`. `reference_frequency` is the mesh frequency of its reference mesh in
+    Hz, to which all speeds of the train are relative.
     """
     planets_of_gear: dict[str, set] = {}  # the names of the planets that mesh with each gear
     for mesh in train.meshes:
         for planet, gear in ((mesh.pinion, mesh.wheel), (mesh.wheel, mesh.pinion)):
+            # Only planets have a carrier; either gear of a mesh may be the planet.
             if train.by_name[planet].carrier:
                 planets_of_gear.setdefault(gear, set()).add(planet)
     frequencies = np.full(len(train.body_names), math.nan)
@@ -108,15 +110,16 @@ def _planet_passing_frequencies(train: Any, reference_frequency: float) -> np.nd
 def frequency_rows(frequencies: xr.Dataset) -> Iterator[list]:
     """Yield the rows of a table of characteristic frequencies, starting with the column headings.
 
-    `frequencies` is a result of `characteristic_frequencies`. A row has the name of the mesh or
-    body, the kind of frequency, its value in Hz, and its order, the ratio to the shaft speed.
-    Values that are NaN have no row.
+    `frequencies` is a result of `characteristic_frequencies`, in Hz. A row has the name of the mesh
+    or body, the kind of frequency such as "shaft frequency", its value in Hz, and its order, the
+    ratio of the frequency to the given shaft speed in rev/s. Values that are NaN have no row.
     """
     yield ["of", "frequency", "hertz", "order"]
     shaft_frequency = float(frequencies.speed) / 60.0
     for variable_name in FREQUENCIES:
         variable = frequencies[variable_name]
         kind = variable_name.removesuffix("_hertz").replace("_", " ")
+        # The dimensions (mesh; mesh and gear; body) become one, to iterate over single values.
         for cell in variable.stack(cell=variable.dims, create_index=False).transpose("cell"):
             frequency = float(cell)
             if np.isfinite(frequency):

@@ -146,9 +146,9 @@ def duty_point(
 def iso_dynamic_factor(stage: GearStage, torque: float, speed: Any) -> Any:
     """Return the dynamic factor K_v of ISO 6336-1, method B, or None if it is not defined.
 
-    `torque` is the torque of the pinion in N m, and `speed` its speed in rpm, a number or an array,
-    which gives an array of factors. K_v needs a quality (flank tolerance class) for both gears and
-    a contact ratio of at least 1.
+    `torque` is the torque of the pinion in N m, and `speed` is its speed in rpm, a number or an
+    array (for an array of factors). K_v is only defined if both gears of the `stage` have a quality
+    (flank tolerance class) and the contact ratio is at least 1.
     """
     gears = stage.pinion, stage.wheel
     if any(gear.quality is None for gear in gears) or stage.contact_ratio < 1.0:
@@ -159,12 +159,13 @@ def iso_dynamic_factor(stage: GearStage, torque: float, speed: Any) -> Any:
 
 
 def _errors_about_largest_step(pitch_errors: np.ndarray, count: int) -> np.ndarray:
-    """Return `count` successive pitch errors with the largest step between two in their middle.
+    """Select `count` successive pitch errors, with the largest step between two in the middle.
 
-    `pitch_errors`, shape (n,) with n >= `count`, are the errors of a whole cycle, in which the
-    first follows the last.
+    `pitch_errors`, shape (n,) with n >= `count`, are the errors of all tooth pairs in the order in
+    which they mesh, until the same teeth meet again. The first therefore follows the last.
     """
     steps = np.diff(pitch_errors, append=pitch_errors[0])
+    # The largest step excites the mesh most, so the selection contains it.
     largest_step_index = int(np.abs(steps).argmax())
     return np.roll(pitch_errors, count // 2 - largest_step_index)[:count]
 
@@ -237,11 +238,13 @@ def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
 
 
 def _decay_periods(model: Any, tuning: float) -> float:
-    """Return the mesh periods in which the slowest mode decays to `_DECAY` of its amplitude.
+    """Return the number of mesh periods in which the slowest mode decays to `_DECAY` (1e-4).
 
-    All teeth are in contact. The result is infinite if the mode does not decay.
+    `tuning` is the mesh frequency over the natural frequency. The mode is that of the linear system
+    in which all meshes stay in contact. The result is infinite if the mode does not decay.
     """
     if model.train is None:
+        # A model with one degree of freedom.
         damping_ratio = model.damping_ratio
         # Slowest decay rate, per radian of the mesh phase tau, of
         # x'' + 2 damping_ratio / tuning x' + x / tuning^2 = 0.
@@ -257,7 +260,8 @@ def _decay_periods(model: Any, tuning: float) -> float:
 def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **options) -> xr.Dataset:
     """Simulate a model over a number of mesh periods, or raise ValueError if the run fails.
 
-    `state` is the initial state, and `options` are further arguments of `simulate`.
+    `tuning` is the mesh frequency over the natural frequency, `state` the initial state of the
+    model, and `options` are further arguments of `simulate`. Return the dataset of `simulate`.
     """
     run = simulate(model, tuning, periods=periods, initial_state=state, **options)
     if int(run.status):
@@ -269,7 +273,8 @@ def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **option
 def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
     """Return (variables, coordinates) of the dataset of `duty_point` for a run of `simulate`.
 
-    Variables are in SI units, {name: values or (dimensions, values)}.
+    Both are dictionaries by name; variables are in SI units, each given as values or (dimensions,
+    values). They describe the speed, mesh and bearing forces, transmission error and its orders.
     """
     mesh_orders, order_forces, order_errors = mesh_order_amplitudes(run)
     dims = ("mesh_order", *run.displacement.dims[1:])  # "mesh" is a dimension of trains only
@@ -286,11 +291,13 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
         data["bearing_force_max"] = "bearing", max_forces
         coords["bearing"] = ["gear 3", "gear 2"]
     elif "body_motion" in run:
+        # Models with several coordinates, such as trains.
         max_forces = [static_deflection * _support_forces(run, body).max() for body in model.bodies]
         dim = "body" if len(dims) > 1 else "bearing"
         data["bearing_force_max"] = dim, max_forces
         coords[dim] = list(model.body_names)
     else:
+        # With rigid bearings each shaft carries the mesh force.
         data["bearing_force_max"] = force_scale * float(largest_force(run))
     data["mesh_order_force"] = dims, order_forces
     data["mesh_order_error"] = dims, order_errors
@@ -298,11 +305,13 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
 
 
 def _support_forces(run: xr.Dataset, body: Any) -> np.ndarray:
-    """Return the magnitude of the support force of a body at each sample, without moments.
+    """Return the magnitude of the bearing force on a body of a train at each sample of a run.
 
-    It is the force in N over the static deflection in m, because body motions are in static
-    deflections. It is NaN for a rigid support, whose deflection of zero does not give its force.
+    `run` is a dataset of `simulate`. The result is the force in N divided by the static deflection
+    in m, because body motions are in static deflections. It is NaN for a rigid bearing, whose
+    deflection is zero, so that the force cannot be computed from it.
     """
+    # The motion has two displacements and a rotation, which the bearing does not resist.
     x, y, _ = run.body_motion.sel(body=body.name).values.T
     if body.carrier:
         # A planet moves relative to its pin on the carrier, in radial and tangential direction. The
@@ -318,15 +327,16 @@ def _support_forces(run: xr.Dataset, body: Any) -> np.ndarray:
 
 
 def si_variables(run: xr.Dataset, model: Any) -> dict:
-    """Return {name: values or (dimensions, values)} of speeds, mesh forces and transmission error.
+    """Return a dictionary of speeds, mesh forces and transmission errors of a run in SI units.
 
-    `run` is a dataset of `simulate`; the values are in N, m, Hz and rpm. Variables that differ
-    between the meshes of a gear train have the dimension ``mesh``.
+    `run` is a dataset of `simulate`, and `model` the model that was run. An entry is the values, or
+    (dimensions, values), in N, m, Hz and rpm. Variables that differ between the meshes of a gear
+    train have the dimension ``mesh``.
     """
     force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
-    error = transmission_error(run)
+    error = transmission_error(run)  # in static deflections, shape (samples,) or (samples, meshes)
     # The exact extrema of the displacement are those of the transmission error only if there is no
-    # profile deviation.
+    # profile deviation; otherwise the extrema of its samples are taken.
     if np.array_equal(error, run.displacement.values):
         peak_to_peak = run.displacement_max.values - run.displacement_min.values
     else:

@@ -56,7 +56,11 @@ class Exponent(NamedTuple):
 
     @property
     def exceeds_linear(self) -> bool:
-        """Whether perturbations have grown faster than linearly, as in quasi-periodic motions."""
+        """Whether perturbations have grown faster than linearly in the number of mesh periods.
+
+        In quasi-periodic motions they grow linearly, and the exponent is zero. `growth` is the
+        logarithm of the total growth; it must exceed ln(periods) by more than a margin of 7.
+        """
         return self.growth > math.log(self.periods) + _MIN_EXCESS_LOG_GROWTH
 
     @property
@@ -69,9 +73,10 @@ class Perturbation:
     """A small perturbation of a motion, which is propagated along it from one run to the next."""
 
     def __init__(self, model: Any, max_events: int = MAX_EVENTS):
-        """Create a perturbation of an arbitrary direction with the size of a rounding error.
+        """Create a perturbation with the size of a rounding error and an arbitrary direction.
 
-        A run fails if it has more than `max_events` contact events in a mesh period.
+        `model` is any gear model that can be linearised along a motion. A run fails if it has more
+        than `max_events` contact events in a mesh period.
         """
         self.model, self.max_events = model, max_events
         #: Unit vector of the perturbation, shape (n,); None for an arbitrary direction.
@@ -82,17 +87,19 @@ class Perturbation:
     def propagate(self, propagator, state: np.ndarray, periods: int, first_period=0) -> tuple:
         """Propagate the perturbation along a motion over a number of mesh periods.
 
-        `propagator` is a `Model.propagator`, `state` the full state at the start, and
-        `first_period` the number of the first mesh period, which sets the phase of a run-out.
-        Return (final state, logarithm of the growth in each mesh period, status code of
-        `gearlib.data.status`). The logarithms are -inf, and `vector` is None, after the
-        perturbation has vanished or the run has failed.
+        `propagator` is a `Model.propagator`, which integrates the equations of motion at one tuning
+        (mesh frequency over natural frequency). `state` is the initial state with all coordinates
+        and velocities, and `first_period` the number of the first mesh period, which sets the phase
+        of a run-out. Return (final state, logarithm of the growth in each mesh period, status
+        code). After the perturbation has vanished or the run has failed, the logarithms are -inf
+        and the attribute `vector`, the direction of the perturbation, is None.
         """
         log_growths = np.full(periods, -math.inf)
         reduction, lift = self.model.reduction()
         vector = np.ones(len(reduction)) if self.vector is None else self.vector.copy()
         self.vector = None
-        # The norm is that of (dx, nu dx'), where nu is the tuning.
+        # The norm is that of (dx, nu dx'), where nu is the tuning, so that velocities over the
+        # natural frequency are comparable with displacements.
         weights = np.repeat([1.0, propagator.tuning], vector.size // 2)
         for i in range(0, periods, MAX_MAPS):
             batch_growths = log_growths[i : i + MAX_MAPS]  # a view, filled below
@@ -100,7 +107,8 @@ class Perturbation:
             state, maps, code = propagator.maps(state, batch_growths.size, self.max_events, period)
             if code != status.OK:
                 return state, log_growths, code
-            # The rigid-body rotation of a model is removed, because it neither grows nor decays.
+            # `reduction` and `lift` are the matrices from full states to states without rigid-body
+            # rotation, and back. This rotation is removed, because it neither grows nor decays.
             reduced_maps = reduction @ maps @ lift
             if not propagate_perturbation(reduced_maps, weights, vector, batch_growths):
                 log_growths[i:] = -math.inf
@@ -111,10 +119,10 @@ class Perturbation:
     def exceeds_limit(self, tuning: float, state: Any, periods: int, first_period: int) -> bool:
         """Propagate the perturbation along the next run, and return whether it becomes visible.
 
-        The run starts from `state` at the start of mesh period number `first_period` and has
-        `periods` mesh periods. The perturbation is visible if it exceeds a rounding error by more
-        than a factor exp(`MAX_LOG_GROWTH`), or if the run fails. Its length is kept for the
-        following run, between a rounding error and this limit.
+        The run is made at a `tuning` (mesh frequency over natural frequency), from `state` at the
+        start of mesh period number `first_period`, over `periods` mesh periods. The perturbation is
+        visible if it is more than exp(`MAX_LOG_GROWTH`) = 1e10 times a rounding error, or if the
+        run fails. Its length, limited to this range, is the initial length in the following run.
         """
         propagator = self.model.propagator(tuning)
         if self.log_length == 0.0:
@@ -122,6 +130,7 @@ class Perturbation:
             self.vector = None
         full_state = propagator.initial_state(state)
         _, log_growths, code = self.propagate(propagator, full_state, periods, first_period)
+        # Logarithms of the growth since the start of the run; infinite if the run has failed.
         growths = np.cumsum(log_growths) if code == status.OK else np.full(periods, math.inf)
         exceeds = self.log_length + max(float(growths.max()), 0.0) > MAX_LOG_GROWTH
         self.log_length = min(max(self.log_length + float(growths[-1]), 0.0), MAX_LOG_GROWTH)
@@ -131,17 +140,19 @@ class Perturbation:
 def largest_exponent(
     model, tuning: float, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=MAX_EVENTS
 ) -> Exponent:
-    """Return the largest Lyapunov exponent of the motion that starts from `state` at tau = 0.
+    """Compute the largest Lyapunov exponent, per mesh period, of a motion of a model.
 
-    tau is the mesh phase. The exponent is averaged over `periods` mesh periods after a transient of
-    `settle` mesh periods. The run fails if a mesh period has more than `max_events` contact events.
-    The value is NaN if the run fails or the motion grows without bound, and -inf if the
-    perturbation vanishes.
+    `tuning` is the mesh frequency over the natural frequency, and `state` the initial (displacement
+    in static deflections, velocity by phase) at mesh phase 0. The exponent is averaged over
+    `periods` mesh periods after a transient of `settle` mesh periods. The run fails if a mesh
+    period has more than `max_events` contact events. The value is NaN if the run fails or the
+    motion grows without bound, and -inf if the perturbation vanishes.
     """
     stroboscope = Stroboscope(model, tuning, max_events=max_events)
     propagator = stroboscope.propagator
     perturbation = Perturbation(model, max_events)
     state = propagator.initial_state(state)
+    # Motions larger than this, relative to the backlash or the initial state, are unbounded.
     bound = UNBOUNDED_FACTOR * np.maximum(model.extent, stroboscope.size(state[None]))
     # During the transient any perturbation turns into the direction of fastest growth.
     # Each stage has a first mesh period and a number of mesh periods.
@@ -156,6 +167,7 @@ def largest_exponent(
             return Exponent(-math.inf, 0.0, -math.inf, periods)
     if stroboscope.follow_growth(state[None], previous_size, bound, periods)[0].any():
         return Exponent(math.nan, math.nan, math.nan, periods, status.OVERFLOW)
+    # Successive periods are correlated, so the standard error is that of the means of batches.
     batches = np.array_split(log_growths, min(BATCHES, periods))
     batch_means = np.array([batch.mean() for batch in batches])
     count = batch_means.size
@@ -168,17 +180,20 @@ def rounding_grows(
 ) -> np.ndarray:
     """Return a mask of the tunings, shape (n,), at which rounding errors grow to a visible size.
 
-    Each run has `periods` mesh periods. Without `final_states` all runs start from
-    `initial_state`. In a warm-started sweep, `final_states`, shape (n, components), are the final
-    states of the runs at the tunings: each run starts from the final state of the previous run,
-    or from `initial_state` if that is NaN.
+    Tunings are mesh frequencies over the natural frequency, in the order of the runs of a sweep.
+    Each run has `periods` mesh periods. Without `final_states` all runs start from `initial_state`.
+    In a warm-started sweep each run starts from the final state of the previous one, or from
+    `initial_state` if that run failed; `final_states`, shape (n, components), are then these final
+    states, NaN for failed runs.
     """
     is_sensitive = np.zeros(len(tunings), bool)
     for i, tuning in enumerate(tunings):
+        # In a warm-started sweep the mesh periods are numbered through, as a run-out requires.
         first_period = 0 if final_states is None else i * periods
         if i and final_states is not None and np.isfinite(final_states[i - 1]).all():
             state = tuple(final_states[i - 1])
         else:
+            # A new motion starts here; otherwise the perturbation of the previous run continues.
             state = tuple(initial_state)
             perturbation = Perturbation(model)
         is_sensitive[i] = perturbation.exceeds_limit(float(tuning), state, periods, first_period)
@@ -190,10 +205,12 @@ def reproducible_orbits(
 ) -> np.ndarray:
     """Return a mask, shape (diagram, tuning), of periodic motions independent of rounding errors.
 
-    `diagrams` are results of `gearlib.bifurcation_diagram` at the same tunings, each with its sweep
-    direction ("cold", "up" or "down") and initial state. After a warm-started sweep has passed
-    through chaos, its orbit depends on rounding errors, until it reaches a tuning at which all cold
-    runs are reproducible and settle on the same orbit.
+    `diagrams` are results of `gearlib.bifurcation_diagram` at the same tunings (mesh frequencies
+    over the natural frequency). Each has an entry in `directions` ("cold": all runs from the
+    initial state; "up" or "down": each from the final state of the previous run) and in
+    `initial_states`. After a warm-started sweep has passed through chaos, its orbit depends on
+    rounding errors, until it reaches a tuning at which all cold runs are reproducible and settle on
+    the same orbit.
     """
     periods = np.array([diagram.period.values for diagram in diagrams])
     displacements = np.array([diagram.displacement.values for diagram in diagrams])
@@ -214,7 +231,8 @@ def reproducible_orbits(
     # Without cold runs nothing shows that a warm-started sweep is reproducible again.
     cold_reproducible = np.all(is_reproducible[~is_warm_started], axis=0) & ~is_warm_started.all()
     for k in np.flatnonzero(is_warm_started):
-        after_chaos = False
+        after_chaos = False  # whether the sweep depends on rounding errors in an earlier run
+        # This sweep is compared with all cold diagrams.
         compared_diagrams = ~is_warm_started | (np.arange(len(diagrams)) == k)
         for i in orders[k]:
             # The stroboscopic points of equal orbits may come in another order, so sort them.

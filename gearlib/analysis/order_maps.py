@@ -71,7 +71,7 @@ class Motion:
 
     @property
     def travel(self) -> float:
-        """Number of revolutions of the run."""
+        """Number of revolutions of the run, the integral of the speed in rpm over the time in s."""
         return float(np.trapezoid(self.speeds[:, 1], self.speeds[:, 0])) / 60.0
 
 
@@ -94,7 +94,10 @@ class ShaftRotation:
     """Rotation of a shaft with a piecewise linear speed course."""
 
     def __init__(self, speed_course: ArrayLike):
-        """Integrate a speed course, rows (time in s, speed in rpm), shape (n, 2)."""
+        """Integrate a speed course, rows (time in s, speed in rpm), shape (n, 2), to revolutions.
+
+        The speed is linear between the rows, so the revolutions are exact by the trapezoidal rule.
+        """
         self._time, speed_rpm = np.array(speed_course, float).T
         #: Speed in rev/s, its slope in rev/s^2, and revolutions since the first row.
         self._speed = speed_rpm / 60.0
@@ -102,9 +105,9 @@ class ShaftRotation:
         self._revolutions = cumulative_trapezoid(self._speed, self._time, initial=0.0)
 
     def revolutions(self, time: np.ndarray) -> np.ndarray:
-        """Return the number of revolutions since the first row at times in s.
+        """Return the number of revolutions at times in s, counted from the first row of the course.
 
-        The speed is constant after the last row.
+        Between two rows the acceleration is constant; after the last row the speed is constant.
         """
         i = np.clip(np.searchsorted(self._time, time, "right") - 1, 0, None)
         slope = np.append(self._slope, 0.0)[i]
@@ -112,7 +115,11 @@ class ShaftRotation:
         return self._revolutions[i] + (self._speed[i] + 0.5 * slope * duration) * duration
 
     def time_and_speed(self, revolutions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (time in s, speed in rpm) after the given numbers of revolutions."""
+        """Return (times in s, speeds in rpm) after given numbers of revolutions.
+
+        Revolutions are counted from the first row of the course, up to its last row. This is the inverse of the method `revolutions`; between two rows the time is the root of a
+        quadratic equation.
+        """
         i = np.searchsorted(self._revolutions, revolutions, "right") - 1
         i = np.clip(i, 0, self._slope.size - 1)
         start_speed = self._speed[i]
@@ -239,8 +246,10 @@ def _run_sums(
 ) -> FourierSums:
     """Return the Fourier coefficients of the blocks of a run, after a check of their errors.
 
-    Blocks have a whole number of `revolutions`, and the orders are multiples of 1 / `revolutions`
-    from 0. `highest` is the highest order, for the error message.
+    Each of the `block_count` blocks has the whole number `revolutions` of shaft revolutions. The
+    `order_count` orders (waves per revolution) are 0, 1 / `revolutions`, 2 / `revolutions`, ...
+    Raise ValueError if `highest`, the highest order, has fewer than four samples per wave, or if
+    the coefficients change too much when every second sample is left out.
     """
     samples_per_period = _samples_per_period(motion.phase)
     max_order = 0.25 * samples_per_period * motion.teeth
@@ -249,7 +258,7 @@ def _run_sums(
             f"highest = {highest:g} is not allowed with samples_per_period = {samples_per_period}: "
             f"it must be at most {max_order:.4g}, orders with four samples a wave"
         )
-    # Wave numbers are in waves per radian of the mesh phase.
+    # Wave numbers are in radians of the wave per radian of the mesh phase: order over teeth.
     step = 1.0 / (motion.teeth * revolutions)
     blocks = math.tau / step, block_count, step, order_count
     sums = fourier(motion.phase, motion.values, motion.jumps, *blocks)
@@ -260,11 +269,12 @@ def _run_sums(
 def _signal_sums(
     signal: RigSignal, variable: str, revolutions: int, highest: float, order_count: int
 ) -> tuple:
-    """Return (Fourier sums, start times, end times, directions) of the blocks of a signal.
+    """Return (Fourier sums, start times, end times, directions) of the blocks of a measured signal.
 
-    Blocks have a whole number of `revolutions`, and the orders are multiples of 1 / `revolutions`
-    from 0 to `highest`. Times are in s, and directions are 1 or -1, sorted by time. `variable` is
-    the name of the signal for the error message. The errors of the coefficients are not checked,
+    Blocks have the whole number `revolutions` of shaft revolutions, and the `order_count` orders
+    (waves per revolution) are multiples of 1 / `revolutions` from 0 to `highest`. Times are in s,
+    and directions of rotation are 1 or -1; all are sorted by time. `variable` is the name of the
+    signal for the error message. The errors of the coefficients are returned, but not checked,
     because noise changes the coefficients.
     """
     coefficients, changes, mean_squares, blocks = [], [], [], []
@@ -274,6 +284,7 @@ def _signal_sums(
         periodic_samples[0] = 0.5 * (samples[0] + samples[-1])
         squares[0] = 0.5 * (samples[0] ** 2 + samples[-1] ** 2)
         fine = np.fft.rfft(periodic_samples, norm="forward")[:order_count]
+        # With every second sample left out, the coefficients show their sampling error.
         coarse = np.fft.rfft(periodic_samples[::2], norm="forward")[:order_count]
         coefficients.append(fine)
         changes.append(np.abs(fine - coarse))
@@ -297,7 +308,10 @@ def _motion(
 ) -> Motion | RigSignal:
     """Return the samples of a variable as a `Motion` of a run, or as a measured `RigSignal`.
 
-    The arguments are those of `order_map`. A dataset over time without the mesh phase is a signal.
+    `run` is a dataset of `run_up` or `simulate`, or a measured signal, which has a time but no mesh
+    phase. `highest` is the highest order or None. For signals, `tacho` has the times of the tacho
+    pulses in s, or is None, and `teeth` is the number of mesh periods per revolution. Raise
+    ValueError if an argument of `order_map` does not suit the dataset.
     """
     names = set(getattr(run, "variables", ()))  # empty unless `run` is a dataset
     if "time" in names and "phase" not in names:
@@ -328,7 +342,11 @@ def _check_status(run: xr.Dataset) -> None:
 
 
 def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
-    """Return the samples of a variable of `gearlib.run_up` or `gearlib.simulate`, in SI units."""
+    """Return the samples of a variable of `gearlib.run_up` or `gearlib.simulate`, in SI units.
+
+    The result is a `Motion`: the samples over the mesh phase, the phases of their jumps, the speed
+    course, and the number of mesh periods per revolution, found from phase and shaft angle.
+    """
     _check_status(run)
     is_run_up = "time" in run.sizes
     parameters, phase = json.loads(run.attrs["parameters"]), run.phase.values
@@ -337,9 +355,10 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
         speed_course = np.array(parameters["speed"])
         # Shaft angle in rad from speeds in rpm, by the trapezoidal rule.
         angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
-        scale, units = 1.0, run[variable].attrs["units"]
+        scale, units = 1.0, run[variable].attrs["units"]  # run-ups are in SI units
         courses = run.attrs["parameters"]
     else:
+        # A run of `simulate` has a constant speed; its samples are dimensionless.
         phase = phase - phase[0]
         rpm, omega = float(run.speed), float(run.mesh_frequency)  # omega in rad/s
         duration = math.tau * parameters["record_periods"] / omega
@@ -373,7 +392,10 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
 
 
 def _event_phases(run: xr.Dataset) -> np.ndarray:
-    """Return the phases of start, end and contact events of a run, rad since the first sample."""
+    """Return the phases of the start, end and contact events of the record of a run of `simulate`.
+
+    They are in rad of the mesh phase since the first sample.
+    """
     end_phase = math.tau * recorded_periods(run)
     return np.array([0.0, end_phase, *(run.event_phase.values - run.phase.values[0])])
 
@@ -389,10 +411,11 @@ def _courses_json(speed_course: np.ndarray) -> str:
 
 
 def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarray:
-    """Return the sorted phases, in rad since the first sample, at which a variable may jump.
+    """Return the sorted mesh phases, in rad since the first sample, at which a variable may jump.
 
-    These are `event_phases` and, if the attributes of the run describe the model, the switches of
-    its stiffness. Displacement and velocity are continuous, so they have none.
+    These are `event_phases`, the phases of contact events and ends of the record, and the phases at
+    which the mesh stiffness jumps, if the attributes of the run describe the model. Displacement
+    and velocity are continuous, so they have none.
     """
     if variable in ("displacement", "velocity"):
         return np.empty(0)  # treated as smooth
@@ -404,6 +427,7 @@ def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarr
         start_phase = 0.0 if "time" in run.dims else float(run.phase[0])
         end_phase = float(run.phase[-1])
         switches, period = _stiffness_switches(model)
+        # One mesh period is added at both ends, so that no switch at an end is missed.
         first_period = (start_phase - math.tau) // period
         last_period = (end_phase + math.tau) // period
         period_starts = period * np.arange(first_period, last_period + 1.0)
@@ -413,11 +437,16 @@ def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarr
 
 
 def _stiffness_switches(model: Any) -> tuple:
-    """Return (mesh phases at which the stiffness jumps, period of the stiffness), both in rad."""
+    """Return (mesh phases at which the mesh stiffness of a model jumps, its period), both in rad.
+
+    The period is one mesh period, or several if the stiffness repeats only after more of them.
+    """
     if model.equation is None:
+        # Models with several coordinates have intervals of constant stiffness.
         segment_bounds = model.system(tuning=1.0).starts  # the same at all tunings
         return segment_bounds[:-1], segment_bounds[-1]
     switches = [[0.0]]
+    # The stiffness is piecewise linear over the phase, with (value at the start, slope) per piece.
     for pieces in (model.equation.drive_stiffness, model.equation.coast_stiffness):
         start_values, slopes = pieces.lines.T
         end_values = start_values + slopes * np.diff(pieces.breaks)
@@ -433,9 +462,10 @@ def fourier(
     """Compute Fourier coefficients of samples in consecutive blocks, with an error estimate.
 
     `values`, shape (k,) or (k, meshes), are samples at the sorted phases `phase`, shape (k,), in
-    rad. Block b extends from b * block_length to (b + 1) * block_length, and coefficient n belongs
-    to the wave number n * wave_number_step. The values or their slopes jump at the sorted phases
-    `jumps`.
+    rad. Block b extends from b * block_length to (b + 1) * block_length, for b < block_count.
+    Coefficient n < order_count is the mean of values * exp(-i w phase) over the block, with the
+    wave number w = n * wave_number_step. The values or their slopes jump at the sorted phases
+    `jumps`. The error estimate is the change of a coefficient without every second sample.
     """
     blocks = block_length, block_count, wave_number_step, order_count
     sums, mean_squares = _block_sums(phase, values, jumps, *blocks)
@@ -448,11 +478,13 @@ def _block_sums(
 ) -> tuple:
     """Return (Fourier coefficients, mean squares) of samples in consecutive blocks of phase.
 
-    The arguments are explained in `fourier`. Coefficients have the shape (block_count,
-    order_count, ...) and mean squares (block_count, ...), with further dimensions as in `values`.
+    `values`, shape (k,) or (k, meshes), are samples at the sorted phases `phase` in rad, and jump
+    at the sorted phases `jumps`. Block b starts at b * block_length, and coefficient n has the wave
+    number n * wave_number_step. Coefficients have the shape (block_count, order_count, ...) and
+    mean squares (block_count, ...), with further dimensions as in `values`.
     """
     inner_shape = values.shape[1:]
-    table = values.reshape(len(values), -1).T  # a row for each mesh
+    table = values.reshape(len(values), -1).T  # one row per mesh
     sums = np.zeros((block_count, order_count, len(table)), complex)
     mean_squares = np.zeros((block_count, len(table)))
     # A sample at a jump may belong to either side, so it is left out.
@@ -470,6 +502,7 @@ def _block_sums(
         weights = _integration_weights(block_phase, jumps - start, block_length)
         samples = table[:, indices]
         weighted_samples = weights / block_length * samples
+        # Each order multiplies the terms by the same factors once more.
         rotation = np.exp(-1j * wave_number_step * block_phase)
         terms = weighted_samples.astype(complex)
         for n in range(order_count):
@@ -498,13 +531,14 @@ def _integration_weights(phase: np.ndarray, jumps: np.ndarray, length: float) ->
     # Indices of the samples that lie in the segment of each interval.
     low = np.searchsorted(segment_of_sample, segment_of_interval, side="left")
     high = np.searchsorted(segment_of_sample, segment_of_interval, side="right")
-    # A segment without samples uses the neighbouring samples on both sides.
+    # A segment between two jumps without samples uses the neighbouring samples on both sides.
     is_empty = (low == high).astype(int)
     low, high = np.maximum(low - is_empty, 0), np.minimum(high + is_empty, phase.size)
     stencil_sizes = np.minimum(high - low, STENCIL)
     first_samples = np.searchsorted(phase, middles) - stencil_sizes // 2
     first_samples = np.clip(first_samples, low, high - stencil_sizes)
     weights = np.zeros(phase.size)
+    # A segment with fewer than four samples has polynomials of a lower degree.
     for n in np.unique(stencil_sizes).tolist():
         intervals = np.flatnonzero(stencil_sizes == n)
         indices = first_samples[intervals] + np.arange(n)[:, None]
@@ -529,7 +563,8 @@ def _samples_per_period(phase: np.ndarray) -> int:
 def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
     """Raise ValueError if a coefficient changes too much when every second sample is left out.
 
-    `phase` holds the phases of the samples in rad, for the error message.
+    `sums` are Fourier coefficients with these changes. The limit is 5 % (`MAX_CHANGE`) of the root
+    mean square of the samples. `phase` has the phases of the samples in rad, for the message.
     """
     largest_change = sums.changes.max()
     if largest_change > MAX_CHANGE * sums.rms:
@@ -543,11 +578,12 @@ def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
 def _dataset(
     motion, variable, amplitude, sums, indices, revolutions, start_times, end_times, rpm
 ) -> xr.Dataset:
-    """Return the order map of a variable as the dataset of `order_map`.
+    """Return the order map of a variable, the dataset that `order_map` returns.
 
-    `motion` is a `Motion` or a `RigSignal`, and `sums` are the `FourierSums` of its blocks. The
-    orders are `indices` / `revolutions`, where `revolutions` is the number of revolutions of a
-    block. Blocks extend from `start_times` to `end_times` in s and have the mean speeds `rpm`.
+    `motion` is the run (a `Motion`) or the measured signal (a `RigSignal`), and `sums` are the
+    `FourierSums` of its blocks. `amplitude` is "rms", "peak" or "power". The orders are `indices` /
+    `revolutions`, where `revolutions` is the number of revolutions of a block. Blocks extend from
+    `start_times` to `end_times` in s and have the mean speeds `rpm`.
     """
     means = np.abs(sums.coefficients[:, 0])
     overall = np.sqrt(np.maximum(sums.mean_squares - means**2, 0.0))
@@ -565,6 +601,7 @@ def _dataset(
     dims, block_dims = ("time", "order", *motion.coords), ("time", *motion.coords)
     phase_name = "of a cosine of the order times the shaft angle"
     overall_name = f"root mean square of the {label} without its mean"
+    # Each variable is (dimensions, values, units, long name).
     variables = {
         "amplitude": (dims, levels, level_unit, f"{amplitude} of the orders of the {label}"),
         "phase": (dims, np.angle(coefficients), "rad", phase_name),
@@ -645,8 +682,8 @@ def orders(run, *, count: Count | None = None):
 def _periods_per_revolution(run: xr.Dataset) -> Fraction:
     """Return the mesh periods per revolution of the gear to which the speed of a run refers.
 
-    It is the number of teeth of the gear, except in a turning planetary train, where it is a
-    fraction.
+    This is the number of teeth of the gear, except in a planetary train whose carrier turns, where
+    it is a fraction. It is computed from the mesh frequency in rad/s and the speed in rpm.
     """
     ratio = float(run.mesh_frequency) * 60.0 / (math.tau * float(run.speed))
     return Fraction(ratio).limit_denominator(10_000)
@@ -661,9 +698,11 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
     """Compute the Fourier sums of mesh force and transmission error of a run of `simulate`.
 
     Return (mesh orders, {"force": (samples, sums), "error": (samples, sums)}) with samples in N and
-    m and their `FourierSums` in a single block. `count` is the highest mesh order, by default 10 or
-    a quarter of the samples per period, if that is less. The mesh orders are integers from 0, or
-    with `fractional_orders` multiples of 1 over the number of recorded mesh periods.
+    m and their `FourierSums` over the whole record. A mesh order is a frequency over the mesh
+    frequency. `count` is the highest one, by default 10 or a quarter of the samples per period, if
+    that is less. The mesh orders are integers from 0, or with `fractional_orders` multiples of 1
+    over the number of recorded mesh periods; the record must then have whole revolutions or whole
+    periods of a periodic orbit.
     """
     _check_status(run)
     periods, teeth = recorded_periods(run), _periods_per_revolution(run).numerator
@@ -700,27 +739,30 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
 
 
 def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
-    """Return (mesh orders from 1, force amplitudes in N, transmission error amplitudes in m).
+    """Return (mesh orders from 1, mesh force amplitudes in N, transmission error amplitudes in m).
 
-    `run` is a dataset of `simulate`. An amplitude is NaN if it changes too much when every second
-    sample is left out.
+    `run` is a dataset of `simulate`; mesh order n is n times the mesh frequency. An amplitude is
+    NaN if it changes by more than 5 % of the root mean square when every second sample is left out.
     """
     mesh_orders, sums = record_sums(run, fractional_orders=False)
     amplitudes = []
     for name in ("force", "error"):
         _, block_sums = sums[name]
         is_unreliable = block_sums.changes[0] > MAX_CHANGE * block_sums.rms
+        # The real amplitude of a cosine is twice the magnitude of its complex coefficient.
         peaks = np.where(is_unreliable, math.nan, 2.0 * np.abs(block_sums.coefficients[0]))
-        amplitudes.append(peaks[1:])
+        amplitudes.append(peaks[1:])  # without the mean, order 0
     return mesh_orders[1:], *amplitudes
 
 
 def transmission_error(run: xr.Dataset) -> np.ndarray:
-    """Return the displacement minus the profile deviation at each sample, in static deflections.
+    """Return the transmission error at each sample of a run, in static deflections.
 
-    `run` is a dataset of `simulate`. A model without profile deviation has the displacement itself.
+    `run` is a dataset of `simulate`. The transmission error is the displacement of the mesh minus
+    its profile deviation; the displacement itself for a model without profile deviation.
     """
     displacement = run.displacement.values
+    # The attributes of the dataset describe the model as JSON.
     model = json.loads(run.attrs.get("gear_pair") or run.attrs["model"])
     deviation = model.get("deviation") if "profile" in model else None
     if not deviation:

@@ -73,15 +73,18 @@ class RigSignal:
     def blocks(self, length: int, highest: float) -> Iterator[tuple]:
         """Yield (samples at equal angles, start in s, end in s, direction) of each complete block.
 
-        A block has `length` revolutions, and its samples, which suffice for orders up to `highest`,
-        include both ends. The direction is 1, or -1 for backward rotation.
+        A block has `length` revolutions of the shaft, and lies in a stretch of one direction
+        without gaps. Its samples, at both ends and between, suffice for orders (waves per
+        revolution) up to `highest`. The direction is 1, or -1 for backward rotation.
         """
         for first, last, direction in self.stretches:
             stretch = slice(first, last + 1)
             time, turns = self.time[stretch], self.revolutions[stretch]
             values = self.values[stretch]
+            # The spline needs an increasing angle.
             if direction < 0:
                 time, turns, values = time[::-1], turns[::-1], values[::-1]
+            # Block k extends from k * length to (k + 1) * length revolutions.
             first_block = math.ceil(turns[0] / length - _REVOLUTION_TOLERANCE)
             stop_block = math.floor(turns[-1] / length + _REVOLUTION_TOLERANCE)
             if stop_block <= first_block:
@@ -96,6 +99,8 @@ class RigSignal:
                 ends = length * np.array([k, k + 1.0])
                 i, j = np.searchsorted(angles, ends)
                 shortest_step = np.diff(angles[max(i - 1, 0) : j + 1]).min()
+                # Resample at least as densely as the signal, with an even number of steps, at least
+                # four per wave of the highest order.
                 half_count = min(math.ceil(0.5 / shortest_step), _MAX_SAMPLES_PER_REVOLUTION // 2)
                 sample_count = 2 * max(half_count, 2 * math.ceil(highest)) * length
                 samples = spline(length * (k + np.arange(sample_count + 1.0) / sample_count))
@@ -105,16 +110,20 @@ class RigSignal:
     def left_out(self, start_times: np.ndarray, end_times: np.ndarray, length: int) -> dict:
         """Return attributes of the order map that describe the intervals without a block.
 
-        Blocks have `length` revolutions, and start and end at these sorted times in s. An interval
-        of less than a block at the start or the end of the signal is not mentioned.
+        The complete blocks have `length` revolutions each, and start and end at the sorted
+        `start_times` and `end_times` in s. The attributes are "left_out", a list of (start, end) of
+        the intervals between them in s, and "comment", sentences with the reasons. An interval
+        shorter than a block at the start or the end of the signal is not mentioned.
         """
         first, last = self.known_time[[0, -1]]
         intervals = np.column_stack([[first, *end_times], [*start_times, last]])
+        # Revolutions turned in each interval, in either direction.
         turns = np.diff(np.interp(intervals, self.known_time, self.path))[:, 0]
         # Signals start and end within a block.
         is_negligible = turns < length - _REVOLUTION_TOLERANCE
         is_negligible[1:-1] = False
         intervals = intervals[~is_negligible]
+        # Successive blocks have no interval between them, apart from rounding errors.
         shortest = 1e-6 * float((end_times - start_times).min())
         intervals = intervals[intervals[:, 1] - intervals[:, 0] > shortest]
         places = []
@@ -135,7 +144,10 @@ class RigSignal:
 
 
 def _listed(places: list) -> str:
-    """Return a list of places as text, with the number of those after the first `_MAX_LISTED`."""
+    """Join descriptions of times or intervals to one string with semicolons.
+
+    After the first `_MAX_LISTED` (10) of them, only the number of the others is given.
+    """
     text = "; ".join(places[:_MAX_LISTED])
     other_count = len(places) - _MAX_LISTED
     if other_count > 0:
@@ -151,12 +163,13 @@ def rig_signal(
     pulses_per_revolution: int,
     teeth: int,
 ) -> RigSignal:
-    """Return the samples of a variable of a dataset over the shaft angle, with its breaks.
+    """Return a measured variable of a dataset over the shaft angle as a `RigSignal`.
 
-    The angle is the integral of the variable "speed" (rpm) from the first sample, or with `tacho`,
-    the times of tacho pulses in s, it is interpolated between the pulses from the first one.
-    `highest` is the highest order that the samples must resolve, or None, and `teeth` the number of
-    mesh periods per revolution.
+    The angle is the integral of the variable "speed" (rpm) from the first sample. If `tacho` has
+    the times of tacho pulses in s, `pulses_per_revolution` of them in each revolution, the angle is
+    interpolated between these pulses instead. The signal is split into stretches of one direction
+    without gaps. `highest` is the highest order (waves per revolution) that the samples must
+    resolve, or None, and `teeth` the number of mesh periods per revolution.
     """
     time, values = _samples(data, variable)
     attrs, notes = {}, []
@@ -216,10 +229,11 @@ def rig_signal(
 
 
 def _turns_by_speed(data: xr.Dataset, time: np.ndarray, values: np.ndarray) -> tuple:
-    """Return (time, values, speed, turns) of the samples with known time and speed.
+    """Return (time, values, speed, turns) of the samples whose time and speed are known.
 
-    `time` in s and `values` are all samples of the signal. The speed in rpm is a variable of the
-    dataset, and turns are its integral in revolutions.
+    `time` in s and `values` are all samples of the signal, NaN where missing. The speed in rpm is a
+    variable of the dataset `data`. Turns are the revolutions of the shaft since the first of these
+    samples, the integral of the speed.
     """
     if "speed" not in data.variables or data["speed"].shape != data["time"].shape:
         raise ValueError("tacho = None is not allowed for a dataset without speed")
@@ -236,8 +250,9 @@ def _turns_by_tacho(
 ) -> tuple:
     """Return (time, values, turns) of the samples between the first and the last tacho pulse.
 
-    `time` in s and `values` are all samples of the signal. Turns are revolutions since the first
-    pulse, interpolated by a cubic spline between `turns_at_pulses`.
+    `time` in s and `values` are all samples of the signal, NaN where missing. `turns_at_pulses` are
+    the revolutions of the shaft at the `pulse_times` in s. Turns are the revolutions at the
+    samples, interpolated between the pulses by a cubic spline.
     """
     is_known = np.isfinite(time)
     time, values = time[is_known], values[is_known]
@@ -254,9 +269,10 @@ def _turns_by_tacho(
 
 
 def _samples(data: xr.Dataset, variable: str) -> tuple:
-    """Return (times in s, values) of a signal, shape (k,), or raise ValueError if they are wrong.
+    """Return (times in s, values) of a variable of a dataset, arrays of shape (k,).
 
-    Missing times and values are NaN; the other times must increase.
+    Missing times and values are NaN. Raise ValueError if the dataset lacks the variable over
+    "time", if there are fewer than four samples, if one is infinite, or if times do not increase.
     """
     if variable not in data.variables or data[variable].shape != data["time"].shape:
         raise checks.refusal("variable", variable, "a variable of the dataset over time")
@@ -285,8 +301,10 @@ def _require_no_infinity(name: str, values: np.ndarray) -> None:
 def _steps_over_usual(steps: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Return the ratio of each step between samples to the usual step of its neighbours.
 
-    `steps` are in s, and `angles` the same steps in revolutions. The smaller of both ratios counts,
-    because samples are equidistant in time on most rigs, and in angle with a trigger on the shaft.
+    `steps` are in s, and `angles` are the same steps in revolutions of the shaft. The usual step is
+    the median of 31 neighbouring steps. The smaller of the ratios in time and in angle counts,
+    because samples are equidistant in time on most rigs, but in angle with a trigger on the shaft.
+    All ratios are then reduced by a common factor, so that jitter of the sampling is not a gap.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         time_ratios = steps / median_filter(steps, _NEIGHBOURS)
@@ -296,19 +314,23 @@ def _steps_over_usual(steps: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 def _stretches(time: np.ndarray, directions: np.ndarray, is_gap: np.ndarray) -> tuple:
-    """Return the stretches of one direction, and the breaks between them, of a `RigSignal`.
+    """Split a signal into stretches of one direction of rotation; return (stretches, breaks).
 
     `time`, shape (k,), is in s. `directions`, shape (k - 1,), has the direction 1 or -1 of each
-    step between samples, or 0 at a standstill or a gap; `is_gap` marks the gaps.
+    step between samples, or 0 at a standstill or a gap; `is_gap` marks the gaps. A stretch is
+    (index of the first sample, index of the last sample, direction). A break is an interval without
+    a stretch, or the time of a reversal: (start in s, end in s, reason).
     """
     reversal = "the speed is 0 or changes sign"
     stretches: list = []
     breaks: list = []
     changes = np.flatnonzero(np.diff(directions)) + 1
+    # Each group has the indices of successive steps with the same direction code.
     for steps in np.split(np.arange(directions.size), changes):
         direction = int(directions[steps[0]])
         if direction:
             first, last = int(steps[0]), int(steps[-1]) + 1
+            # A reversal without standstill: the previous stretch ends with this sample.
             if stretches and stretches[-1][1] == first:
                 breaks.append((time[first], time[first], reversal))
             stretches.append((first, last, direction))
@@ -321,7 +343,10 @@ def _stretches(time: np.ndarray, directions: np.ndarray, is_gap: np.ndarray) -> 
 
 
 def _pulse_times(tacho: ArrayLike) -> np.ndarray:
-    """Return the times of tacho pulses as an array, or raise ValueError if they do not increase."""
+    """Return the times of tacho pulses in s as an array, shape (k,).
+
+    Raise ValueError if there are fewer than four, or if they do not increase.
+    """
     times = np.array(tacho)
     checks.require(times.size > 3, "tacho", times.tolist(), "at least four increasing times, s")
     not_increasing = np.flatnonzero(np.diff(times) <= 0.0) + 1
@@ -334,10 +359,10 @@ def _pulse_times(tacho: ArrayLike) -> np.ndarray:
 def _counted_pulses(pulses: np.ndarray, pulses_per_revolution: int) -> tuple:
     """Count tacho pulses at the times `pulses` in s, and repair or leave out the irregular ones.
 
-    Return (times, counts, attributes, sentences): the times and numbers of the pulses that are
-    kept, and a description of the repairs. A single missing pulse is counted, and a single double
-    pulse is left out. Irregular pulses at the ends, such as those around standstill, are left out.
-    Any other irregular pulse raises ValueError.
+    Return (times, counts, attributes, sentences): the times in s and numbers of the pulses that are
+    kept, the times of missing and double pulses by name, and a description of the repairs. A single
+    missing pulse is counted, and a single double pulse is left out. A few irregular pulses at the
+    ends, as around standstill, are left out. Any other irregular pulse raises ValueError.
     """
     first, stop = 0, pulses.size
     while True:
@@ -346,7 +371,7 @@ def _counted_pulses(pulses: np.ndarray, pulses_per_revolution: int) -> tuple:
         if unrepaired is None:
             break
         first_interval, last_interval = unrepaired
-        # The pulses on both sides of such an interval may be wrong.
+        # The pulses at both ends of an irregular interval may be wrong, so both are left out.
         if first_interval == 0:
             new_first, new_stop = first + last_interval + 2, stop
         else:
@@ -386,10 +411,12 @@ def _counted_pulses(pulses: np.ndarray, pulses_per_revolution: int) -> tuple:
 
 
 def _repairs(times: np.ndarray) -> tuple:
-    """Return (intervals with a missing pulse, double pulses, unrepaired group) of tacho pulses.
+    """Find the repairs of irregular tacho pulses at the given times in s.
 
-    The unrepaired group is the first group of irregular intervals, (first, last), without an
-    unambiguous repair, or None. Intervals have the index of the pulse at their start.
+    Return (indices of the intervals in which a pulse is missing, indices of the double pulses,
+    unrepaired group). An interval has the index of the pulse at its start. The unrepaired group
+    is (first, last) interval of the first group of irregular intervals without an unambiguous
+    repair, at which the search stops, or None.
     """
     missing, double = [], []
     for first, last in _irregular_groups(times, np.arange(times.size)):
@@ -405,12 +432,13 @@ def _repairs(times: np.ndarray) -> tuple:
 
 
 def _deviations(times: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return the expected minus the counted number of pulses of each interval between pulses.
+    """Return the expected minus the counted number of pulses in each interval between tacho pulses.
 
-    `times` in s and `counts`, shape (k,), are the times and numbers of tacho pulses. The expected
-    number is the duration of the interval times the pulse rate in its middle, from a line through
-    the rates of a neighbour on each side, which is exact for constant acceleration. The median
-    over several pairs of neighbours is robust against a single wrong neighbour.
+    `times` in s and `counts`, shape (k,), are the times of the pulses and their numbers. The
+    expected number is the duration of the interval times the pulse rate in its middle. This rate
+    lies on a straight line between the rates of a neighbouring interval on each side, which is
+    exact for constant acceleration. The median over three pairs of neighbours is robust against a
+    single wrong neighbour.
     """
     middles, durations = 0.5 * (times[1:] + times[:-1]), np.diff(times)
     rates = np.diff(counts) / durations
@@ -425,7 +453,7 @@ def _deviations(times: np.ndarray, counts: np.ndarray) -> np.ndarray:
     for k in range(1, min(_PULSE_NEIGHBOURS, (interval_count - 1) // 2) + 1):
         i = np.arange(k, interval_count - k)
         expected_rates[k - 1, i] = rate_on_line(i, i - k, i + k)
-    # The first and the last interval have neighbours on one side only.
+    # The first and the last interval have neighbours on one side only; extrapolate their rates.
     expected_rates[0, 0] = rate_on_line(0, 1, 2)
     expected_rates[0, -1] = rate_on_line(-1, -2, -3)
     return np.nanmedian(expected_rates, axis=0) * durations - np.diff(counts)
@@ -434,8 +462,9 @@ def _deviations(times: np.ndarray, counts: np.ndarray) -> np.ndarray:
 def _irregular_groups(times: np.ndarray, counts: np.ndarray) -> list:
     """Return (first, last) interval of each group of irregular intervals between tacho pulses.
 
-    `times` in s and `counts` are the times and numbers of the pulses. A group has at most one
-    regular interval between two irregular ones.
+    `times` in s and `counts` are the times and numbers of the pulses. An interval is irregular if
+    the number of pulses expected from its neighbours deviates by more than 0.4 (0.2 for the first
+    and the last interval). A group has at most one regular interval between two irregular ones.
     """
     tolerances = np.full(times.size - 1, _PULSE_TOLERANCE)
     tolerances[[0, -1]] = _END_TOLERANCE
@@ -447,10 +476,10 @@ def _irregular_groups(times: np.ndarray, counts: np.ndarray) -> list:
 def _irregular_pulse(
     times: np.ndarray, counts: np.ndarray, offset: int, first: int, last: int
 ) -> ValueError:
-    """Return the error for the worst of the intervals `first` to `last` between tacho pulses.
+    """Return the ValueError that names the worst of the intervals `first` to `last` between pulses.
 
-    `times` in s and `counts` are the times and numbers of the pulses, and `offset` is the number of
-    pulses that were left out before them.
+    `times` in s and `counts` are the times and numbers of the tacho pulses. `offset` is the number
+    of pulses that were left out before them, to give the index in the argument of the user.
     """
     deviations = _deviations(times, counts)
     i = first + int(np.abs(deviations[first : last + 1]).argmax())
@@ -465,8 +494,10 @@ def _irregular_pulse(
 def _repair(times: np.ndarray, first: int, last: int) -> tuple | None:
     """Return the unambiguous repair of the irregular intervals `first` to `last` of tacho pulses.
 
-    `times` are the times of all pulses in s. The repair is (True, interval with a missing pulse) or
-    (False, double pulse), or None if no repair, or more than one, makes all intervals regular.
+    `times` are the times of all pulses in s; interval i lies between the pulses i and i + 1. The
+    repair is (True, index of the interval in which a pulse is missing), or (False, index of a
+    double pulse to be deleted). It is None if no such change makes all intervals regular, or if
+    two different ones do so about equally well.
     """
     pulse_count = times.size
     if last - first > 2 * _PULSE_NEIGHBOURS:
@@ -478,7 +509,7 @@ def _repair(times: np.ndarray, first: int, last: int) -> tuple | None:
     start_time, end_time = times[max(first - 1, 0)], times[min(last + 2, pulse_count - 1)]
     is_at_end = first == 0 or last == pulse_count - 2
     tolerance = _END_REPAIR_TOLERANCE if is_at_end else _PULSE_TOLERANCE
-    accepted = []
+    accepted = []  # (sum of squared deviations, whether a pulse is missing, index)
     candidates = [(True, i) for i in range(max(first, 1), min(last + 1, pulse_count - 2))]
     candidates += [(False, j) for j in range(max(first, 1), min(last + 2, pulse_count - 1))]
     for is_missing, index in candidates:

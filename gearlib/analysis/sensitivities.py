@@ -36,11 +36,11 @@ def richardson(function: Callable, value: float, scale: float) -> tuple:
     """Differentiate an array-valued function by Richardson extrapolation.
 
     Return (derivative, error estimate) at a parameter `value`, arrays of the shape of the result of
-    `function`. Central difference quotients with the steps `scale` * `STEPS` are extrapolated up to
-    the third order (Ridders, Advances in Engineering Software 4 (1982) 75-76). A step is left out
-    if the function returns None there; with fewer than four quotients the result is NaN. The step
-    and order with the smallest change are chosen for all entries of the array together, because
-    single entries may agree by chance.
+    `function`. Central difference quotients with the steps `scale` * `STEPS` (3e-3 and smaller, by
+    factors of 3) are extrapolated to step 0, up to the third order (Ridders, Advances in
+    Engineering Software 4 (1982) 75-76). A step is left out if the function returns None there;
+    with fewer than four quotients the result is NaN. The step and order with the smallest change
+    are chosen for all entries of the array together, because single entries may agree by chance.
     """
     centre = np.asarray(function(value), float)
     steps, quotients = [], []
@@ -52,6 +52,7 @@ def richardson(function: Callable, value: float, scale: float) -> tuple:
     if len(steps) < MIN_DIFFERENCES:
         return np.full(centre.shape, math.nan), np.full(centre.shape, math.nan)
     table = np.array(quotients)
+    # One row per step. Each order combines neighbouring rows, so that the table loses a row.
     best_score, derivative, error = math.inf, table[0], math.inf
     max_entry = np.abs(centre).max(initial=0.0)
     for order in range(1, min(MAX_RICHARDSON_ORDER, len(steps) - 2) + 1):
@@ -78,14 +79,16 @@ def richardson(function: Callable, value: float, scale: float) -> tuple:
 
 
 def _difference_quotient(function: Callable, value: float, step: float, centre: np.ndarray) -> Any:
-    """Return a difference quotient of second order, or None if the function returns None.
+    """Return a difference quotient of second order accuracy of a function at `value`.
 
-    The quotient is central, or one-sided if `function` raises ValueError on one side of `value`;
-    `centre` is function(value).
+    The quotient is central, with points at a distance `step`; it is one-sided if `function` raises
+    ValueError on one side of `value`, for example at the end of the allowed range. `centre` is
+    function(value). Return None if the function returns None at one of the points.
     """
     try:
         neighbour = function(value + step)
     except ValueError:
+        # Parameters above the value are not allowed.
         step = -step
         neighbour = function(value + step)
     # Weights of the neighbour, the other point and the centre.
@@ -172,16 +175,19 @@ def sensitivities(
 
 
 def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
-    """Return a cached function from a value of the parameter `name` to the results of `call`.
+    """Return a cached function of one parameter value, which evaluates `call` with this value.
 
-    `name` is one of the keyword `arguments` of `call`, or else a parameter of the model.
+    `call(model, **arguments)` is the function of the user. The parameter `name` is one of its
+    keyword `arguments`, or else a parameter of the model. The function returns (variables by name,
+    contact counts) and is cached, because several variables are differentiated at the same values.
     """
 
     @cache
     def run(value: float) -> tuple:
-        """Return ({variable name: DataArray}, contact counts) of the call for a value.
+        """Return ({variable name: DataArray}, contact counts) of the call for a parameter value.
 
-        The contact counts are a list of the numbers of events and bounces in its runs.
+        Only variables of floats are returned. The contact counts are a list of the numbers of
+        contact events and bounces in the simulations that the call has made.
         """
         with counting_contacts() as contacts:
             if name in arguments:
@@ -204,17 +210,20 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
 def _derivative(run: Callable, variable: Any, title: str, value: float, scale: float) -> tuple:
     """Return (derivative, error estimate) of a result at a parameter value; warn if unreliable.
 
-    `run` is a function of `_run_function`, `variable` the name of one of its results, `title` a
-    description of the derivative for warnings, and `scale` the scale of the parameter, to which the
-    steps of the difference quotients are relative.
+    `run` is a function of the parameter value that returns ({variable name: DataArray}, contact
+    counts). `variable` is the name of one of these results, `title` a description of the derivative
+    for warnings, and `scale` the scale of the parameter, to which the steps of the difference
+    quotients are relative. A warning is given if contact events change with every step, or if the
+    relative error exceeds 1e-6.
     """
     variables_at_value, contacts = run(value)
     shape = variables_at_value[variable].shape
 
     def array_at(parameter: float, same_contacts: bool = True) -> Any:
-        """Return the result at a parameter value, or None if it cannot be compared.
+        """Return the array at a parameter value, or None if a difference would be meaningless.
 
-        It cannot if its shape changes, or with `same_contacts` if its contact events change.
+        This is so if the shape of the array changes, or, with `same_contacts`, if the numbers of
+        contact events differ from those at `value`, because the result may then jump.
         """
         variables, new_contacts = run(parameter)
         array = variables[variable].values
@@ -223,7 +232,8 @@ def _derivative(run: Callable, variable: Any, title: str, value: float, scale: f
         return array if array.shape == shape else None
 
     derivative, error = richardson(array_at, value, scale)
-    # Differences across a change of contact events are better than none.
+    # The error is NaN if too few steps are left. Differences across a change of contact events are
+    # better than none.
     if np.isnan(error).any():
         message = f"contact events appear or vanish for all step sizes: {title}"
         warnings.warn(message, stacklevel=3)

@@ -152,14 +152,16 @@ def trust(
 
 
 def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
-    """Classify the motion of a model at each tuning by `trust`; return a dataset along ``tuning``.
+    """Classify the motion of a model by `trust` at each tuning; return a dataset along ``tuning``.
 
-    The variable label is the index of the label in `LABELS`, with CF flags. `options` are passed to
-    `trust`.
+    Tunings are mesh frequencies over the natural frequency. `options` are keyword arguments of
+    `trust`, such as `periods`. The variable label is the index of the label in `LABELS` ("periodic"
+    = 0, "quasi-periodic", "chaotic", "undecided", "unbounded"), with CF flags. The others are
+    period, digits, exponent and uncertainty, as in the result of `trust`.
     """
 
     def variables(tuning: float) -> dict:
-        """Return {variable name: value} of the dataset at one tuning."""
+        """Classify the motion at one tuning; return {variable name: value} of the dataset."""
         motion = trust(model, tuning, **options)
         return {
             "label": np.int8(LABELS.index(motion.label)),
@@ -178,10 +180,11 @@ def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
 
 
 def _other_methods(model: Any) -> Iterator[tuple]:
-    """Yield (name, model, changed arguments of `run`) of each comparison run of a model.
+    """Yield (name, model, changed arguments of `run`) of each run for comparison by another method.
 
-    These use another method, a finer tolerance, and more harmonics of a truncated stiffness, as far
-    as the model has them.
+    A run uses the second of the automatic integration methods, if two of them support the model; a
+    finer tolerance of the Taylor method; or, if the mesh stiffness is a truncated Fourier series,
+    twice as many harmonics.
     """
     methods = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].supports(model)]
     if len(methods) > 1:
@@ -195,9 +198,11 @@ def _other_methods(model: Any) -> Iterator[tuple]:
 
 
 def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
-    """Classify a motion from its runs and its Lyapunov exponent.
+    """Classify a motion from several runs and its largest Lyapunov exponent.
 
-    `runs` is the table of `Trust.runs`, and `repeats` the period of the excitation in mesh periods.
+    `runs` is a dataset along ``run`` with displacement_max, displacement_min, period (0 if the run
+    does not repeat) and status of each run, and `repeats` is the period of the excitation in mesh
+    periods.
     """
     label, message = _label_and_message(runs, exponent, repeats)
     period, digits = 0, math.nan
@@ -208,9 +213,12 @@ def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: in
 
 
 def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
-    """Return (label, message) of a motion by the first of the rules of `trust` that applies.
+    """Return (label, message) of a motion by the first rule that applies.
 
-    `runs` is the table of `Trust.runs`, and `repeats` the period of the excitation in mesh periods.
+    `runs` is a dataset along ``run`` with displacement extrema, period and status code of each run,
+    and `repeats` the period of the excitation in mesh periods. The rules, in this order: unbounded,
+    undecided if runs disagree about this or have failed, chaotic if perturbations grow, periodic if
+    they decay and the runs agree, quasi-periodic if no run repeats.
     """
     names, codes = runs.run.values, runs.status.values
     overflowed = codes == status.OVERFLOW
@@ -218,6 +226,7 @@ def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: i
     periods = set(runs.period.values.tolist())  # 0 for a run that does not repeat
     if (diverges or overflowed.all()) and periods == {0}:
         return "unbounded", status.MESSAGES[status.OVERFLOW]
+    # The run that computes the exponent, for messages.
     variational = "the variational run"
     if diverges or overflowed.any():
         unbounded = ", ".join(names[overflowed]) or variational
@@ -237,10 +246,11 @@ def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: i
 
 
 def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
-    """Return (label, message) of a motion whose perturbations decay.
+    """Return (label, message) of a motion whose perturbations decay: "periodic" or "undecided".
 
-    `runs` is the table of `Trust.runs`, `periods` are the different periods of the runs in mesh
-    periods, 0 for a run that does not repeat, and `repeats` is the period of the excitation.
+    `runs` is a dataset along ``run`` with displacement extrema and period of each run. `periods`
+    are the different periods of the runs in mesh periods, 0 for a run that does not repeat, and
+    `repeats` is the period of the excitation in mesh periods.
     """
     if "longer" in runs.run and int(runs.period.sel(run="longer")):
         # The other runs need not have settled yet, if their extrema are those of the longer run.
@@ -261,8 +271,9 @@ def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tup
 def _common_digits(runs: xr.Dataset) -> float:
     """Return the number of decimal digits in which the displacement extrema of all runs agree.
 
-    `runs` is the table of `Trust.runs`. The largest difference is relative to the displacement
-    range of the first run; the number is negative if the difference is larger.
+    `runs` is a dataset along ``run`` with displacement_max and displacement_min. The number is
+    minus the decimal logarithm of the largest difference over the displacement range of the first
+    run, so it is negative if the difference is larger than the range.
     """
     maxima, minima = runs.displacement_max.values, runs.displacement_min.values
     displacement_range = np.maximum(maxima[0] - minima[0], np.finfo(float).tiny)
