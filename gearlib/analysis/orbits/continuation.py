@@ -125,8 +125,8 @@ def continue_orbit(
 def _checked_limits(limits: Any, start: float, to: float) -> tuple:
     """Check the argument `limits` of `continue_orbit`, and return (lowest, highest) value.
 
-    The interval must contain the values `start` of the parameter at the first orbit and `to` at the
-    end of the branch. If `limits` is None, it is the interval between these two.
+    The interval must contain the value `start` of the parameter at the first orbit and the value
+    `to` at the end of the branch. If `limits` is None, it is the interval between these two.
     """
     if limits is None:
         return min(start, to), max(start, to)
@@ -137,16 +137,18 @@ def _checked_limits(limits: Any, start: float, to: float) -> tuple:
 
 
 def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> BranchPoint:
-    """Return the first point of a branch at a solution of the shooting equation, with its tangent.
+    """Return the first `BranchPoint` of a branch, an orbit with the tangent of the branch.
 
-    `unknowns` are scaled, with the parameter last. The tangent points to larger values of the
-    parameter if `sign` is 1, to smaller ones if it is -1. If the branch is normal to the parameter
-    axis, the tangent points to orbits with a larger displacement range.
+    `unknowns` are the scaled unknowns of a solution of the shooting equation: the state, then the
+    parameter. The tangent points to larger values of the parameter if `sign` is 1, to smaller ones
+    if it is -1. If the branch is normal to the parameter axis, the tangent points to orbits with a
+    larger displacement range.
     """
     solution = problem.evaluate(unknowns)
     direction = tracing.tangent(solution.jacobian, sign * np.eye(unknowns.size)[-1])
     first = branch_point(solution, direction)
     if abs(direction[-1]) < _NORMAL_TOLERANCE:
+        # The sign decides nothing here: compare neighbouring orbits in both directions.
         displacement_ranges = []
         for distance in (_PROBE_DISTANCE, -_PROBE_DISTANCE):
             start = unknowns + distance * direction
@@ -160,10 +162,11 @@ def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> Branch
 def _follow_branch(problem, first, goal, interval, max_range, max_step, max_points, time_limit):
     """Return the `BranchPoint`s of a branch from the point `first` to the parameter value `goal`.
 
-    The branch ends earlier if the parameter leaves the interval (lowest, highest), the displacement
-    range exceeds `max_range`, there are `max_points` points or the `Limit` `time_limit` is over;
-    the last point then has the label "end". A step has at most the arc length `max_step` in scaled
-    unknowns, longer in proportion for displacement ranges above _LARGE_RANGE.
+    `problem` is the `Shooting` equation. The branch ends earlier if the parameter leaves the
+    `interval` (lowest, highest), the displacement range exceeds `max_range`, there are `max_points`
+    points or the `Limit` `time_limit` is over; the last point then has the label "end". A step has
+    at most the arc length `max_step` in scaled unknowns, longer in proportion for displacement
+    ranges above _LARGE_RANGE.
     """
     points = [first]
     scaled_goal = goal / problem.units[-1]
@@ -171,7 +174,8 @@ def _follow_branch(problem, first, goal, interval, max_range, max_step, max_poin
     def step(length: float) -> tuple[float, str]:
         """Continue the branch by a step of an arc length and append its end and special points.
 
-        Return (arc length of the next step, reason why the branch ends here or "").
+        The points of the step are appended to `points`. Return (arc length of the next step, reason
+        why the branch ends here, or "" if it goes on).
         """
         last = points[-1]
         solution, tangent, corrections = tracing.take_step(
@@ -183,7 +187,7 @@ def _follow_branch(problem, first, goal, interval, max_range, max_step, max_poin
             scaled_end = end_value / problem.units[-1]
             solution = tracing.solve_at_value(problem, last.unknowns, new.unknowns, scaled_end)
             tangent = tracing.tangent(solution.jacobian, last.tangent)
-            # The scaling of the unknowns may have changed the last digit of the value.
+            # Scaling may have changed the last digit of the parameter value: set it exactly.
             new = replace(branch_point(solution, tangent), value=end_value)
         new_points, ends_at_grazing = _points_of_step(problem, last, new)
         points.extend(new_points)
@@ -194,6 +198,7 @@ def _follow_branch(problem, first, goal, interval, max_range, max_step, max_poin
         if end_value is not None or points[-1].displacement_range > max_range:
             return length, "a limit is exceeded"
         if ends_at_grazing:
+            # The multipliers change fast past a grazing, so the next step is short.
             return _STEP_PAST_GRAZING * max_step, ""
         max_length = max_step * max(1.0, new.displacement_range / _LARGE_RANGE)
         return tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, max_length), ""
@@ -206,11 +211,13 @@ def _follow_branch(problem, first, goal, interval, max_range, max_step, max_poin
 
 
 def _end_value(last: float, new: float, first: float, goal: float, interval: tuple) -> float | None:
-    """Return the parameter value at which a branch ends within a step, None if it goes on.
+    """Return the parameter value at which a branch ends within a step, or None if it goes on.
 
-    The step changes the parameter from `last` to `new`; its value is `first` at the start of the
-    branch. The branch ends at `goal` or at an end of the interval (lowest, highest).
+    The step changes the parameter from `last` to `new`; its value was `first` at the start of the
+    branch. The branch ends at `goal` or where the parameter leaves the `interval` (lowest,
+    highest).
     """
+    # The branch may start at the goal: it ends there only when it returns.
     if (last - goal) * (new - goal) <= 0.0 and last != goal:
         return goal
     # A branch that starts at an end of the interval must not end there due to a rounding error.
@@ -226,8 +233,9 @@ def _end_value(last: float, new: float, first: float, goal: float, interval: tup
 def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> tuple[list, bool]:
     """Return (points added by a step from the point `last` to `new`, whether it meets a grazing).
 
-    The points are the special points within the step and its end, `new`. If the contact states
-    change within the step, it ends just past the grazing instead.
+    The points are the special points within the step, such as folds, and its end, `new`. If the
+    sequence of contact states changes within the step, the orbit grazes (touches) a flank there:
+    then the points end just past this grazing instead.
     """
     if new.contacts == last.contacts:
         return [*special.special_points(problem, last, new), new], False
@@ -238,8 +246,9 @@ def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> t
 def _is_closed(points: list, step_length: float) -> bool:
     """Return whether a branch has returned to its first point, so that it is a closed curve.
 
-    `points` are its `BranchPoint`s. The first one must lie ahead of the last one, nearer than the
-    length of a step, and their tangents must point to the same side.
+    `points` are its `BranchPoint`s. The first one must lie ahead of the last one along its tangent,
+    nearer than `step_length`, the length of a step, and the scalar product of both tangents must be
+    positive.
     """
     if len(points) < _MIN_CLOSED_POINTS:
         return False
@@ -253,7 +262,8 @@ def _is_closed(points: list, step_length: float) -> bool:
 def _branch_dataset(problem: Shooting, points: list, name: str, goal: float) -> xr.Dataset:
     """Return the `BranchPoint`s of a branch as a dataset with the dimension ``point``.
 
-    `name` is the name of the continued parameter, `goal` its requested last value.
+    `problem` is the `Shooting` equation of the orbits, `name` the name of the continued parameter,
+    and `goal` the value at which the branch should end.
     """
     maxima = np.array([point.displacement_max for point in points])
     minima = np.array([point.displacement_min for point in points])
@@ -281,9 +291,10 @@ def _branch_dataset(problem: Shooting, points: list, name: str, goal: float) -> 
 def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> BranchPoint:
     """Compute the `BranchPoint` of the point number `point` in a dataset of `continue_orbit`.
 
-    `branch` is the dataset, `model` the model whose orbit was continued. Raise ValueError if the
-    point does not exist, or if its label is not among `labels`, which are indices in
-    `special_points.LABELS`; an empty tuple allows any label. The tangent is zero.
+    `branch` is the dataset, `model` the model whose orbit was continued, and `max_events` the
+    largest number of contact events in one mesh period. Raise ValueError if the point does not
+    exist, or if its label is not among `labels`, which are indices in `special_points.LABELS`; an
+    empty tuple allows any label. The tangent of the point is set to zero, because it is not known.
     """
     is_branch = "parameter" in getattr(branch, "attrs", ()) and {"state", "label"} <= {*branch}
     if not is_branch:
@@ -303,6 +314,7 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
     checks.require(model.size == state.size, "model", type(model).__name__, allowed)
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
+    # The parameter is scaled by its range on the branch, unless that is zero.
     scale = float(np.ptp(branch[name].values)) or 1.0
     # A dataset of several branches has a period for each point.
     period = int(branch.period[point] if branch.period.ndim else branch.period)
@@ -346,13 +358,15 @@ def switch_branch(model, branch, point: WholeNumber, *, max_events: Count = MAX_
     problem = doubling.solution.problem
     eigenvalues, eigenvectors = np.linalg.eig(doubling.solution.monodromy)
     n = len(eigenvalues)
-    # The branch of twice the period starts along the eigenvector of the multiplier -1.
+    # The branch of twice the period starts along the eigenvector of the multiplier -1, at a
+    # constant parameter. The eigenvector is scaled like the unknowns.
     eigenvector = eigenvectors[:, np.argmin(abs(eigenvalues + 1.0))].real / problem.units[:n]
     direction = np.append(eigenvector, 0.0)
     direction /= np.linalg.norm(direction)
     period, units = 2 * problem.period, problem.units[n:]
     doubled = Shooting(model, problem.tuning, period, problem.names, units, max_events)
     for distance in _SWITCH_DISTANCES:
+        # Newton's method in the plane normal to the eigenvector cannot return to the old branch.
         start = doubling.unknowns + distance * direction
         try:
             solution, _ = tracing.correct(doubled, start, direction)

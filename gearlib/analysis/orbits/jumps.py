@@ -85,6 +85,8 @@ class MainResonance:
 def main_resonance(model, quantities=QUANTITIES):
     """Find the tunings of contact loss, jumps and largest vibration near the main resonance.
 
+    The tuning is mesh frequency over mean natural frequency; the main resonance is near 1.
+
     Parameters
     ----------
     model : Model
@@ -98,7 +100,8 @@ def main_resonance(model, quantities=QUANTITIES):
     MainResonance
         In a run-down the motion may jump to higher branches, with coast-side contact, before it
         jumps down at the fold ``jump_down``. The branch may have a period doubling before this
-        fold. Peaks are searched for on the branch before its first fold only.
+        fold. Peaks are searched for on the branch before its first fold only. Quantities that
+        could not be computed are listed in its attribute ``failed``.
     """
     points: dict = {}  # name of a quantity -> scaled unknowns of its orbit
     extrema: dict = {}  # name of a peak -> its value
@@ -112,6 +115,7 @@ def main_resonance(model, quantities=QUANTITIES):
             if name in _EXTREMUM_COLUMNS:
                 point, extrema[name] = search.peak(_EXTREMUM_COLUMNS[name])
             else:
+                # The search has a method for each of the other names, such as `onset`.
                 point = getattr(search, name)()
         except _FAILURES:
             failed.add(name)
@@ -134,7 +138,11 @@ class _ResonanceSearch:
     """
 
     def __init__(self, model: Any):
-        """Compute orbits near the static equilibrium at tunings in which contact may be lost."""
+        """Compute orbits near the static equilibrium over a range of tunings around the resonance.
+
+        The tuning is mesh frequency over natural frequency. These orbits show at which tunings the
+        mesh loses contact.
+        """
         self.model = model
         self.problem = Shooting(model, 1.0, model.repeats, ("tuning",), (_TUNING_SCALE,))
         #: Unit vector of the tuning in the scaled unknowns.
@@ -150,6 +158,7 @@ class _ResonanceSearch:
         #: A tuning at which contact is lost; NaN, and both orbits below None, if it is never lost.
         self.tuning_with_loss = float(_SCAN_TUNINGS[self.largest_index])
         if in_contact[self.largest_index]:
+            # Contact may be lost between scanned tunings: search for the smallest clearance.
             ratio = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
             bounds = self.tuning_with_loss / ratio, self.tuning_with_loss * ratio
             minimum = minimize_scalar(self._clearance, bounds=bounds, method="bounded")
@@ -173,10 +182,10 @@ class _ResonanceSearch:
     def _orbit_near_equilibrium(self, tuning: float) -> tuple:
         """Find the orbit near the static equilibrium at a tuning.
 
-        Return (scaled unknowns, displacement range, clearance). The clearance is the smallest
-        distance of a loaded flank from losing contact, negative if contact is lost, and at least
-        -_MAX_LOSS_DEPTH. If no orbit is found, return the unknowns of the static state, 0 and
-        -_MAX_LOSS_DEPTH.
+        Return (scaled unknowns of the orbit, displacement range, clearance). The clearance is the
+        smallest distance of a loaded flank from losing contact in static deflections, negative if
+        contact is lost, and never below -_MAX_LOSS_DEPTH. If no orbit is found, return the unknowns
+        of the static state, 0 and -_MAX_LOSS_DEPTH.
         """
         model = self.model
         start = model.propagator(tuning).initial_state(model.static_state(tuning))
@@ -197,10 +206,12 @@ class _ResonanceSearch:
     def onset(self) -> np.ndarray | None:
         """Return the scaled unknowns of the orbit at which contact is first lost in a run-up.
 
-        Return None if contact is never lost, or at all lower tunings.
+        In a run-up the tuning increases. Return None if contact is never lost, or is lost at all
+        scanned tunings below the resonance.
         """
         if self.orbit_below_loss is None:
             return None
+        # The clearance changes its sign between this tuning and `tuning_with_loss`.
         low = self.tuning(self.orbit_below_loss)
         precision = np.finfo(float).eps
         tuning = brentq(
@@ -211,13 +222,17 @@ class _ResonanceSearch:
     def _extremum(self, unknowns: np.ndarray, column: int) -> float:
         """Return the largest value, over all meshes, of a column in the summary of an orbit.
 
-        `unknowns` are its scaled unknowns, `column` is X_MAX or FORCE_MAX of `engines.orbit`.
+        `unknowns` are the scaled unknowns of the orbit. `column` is X_MAX (largest displacement) or
+        FORCE_MAX (largest mesh force) of `engines.orbit`.
         """
         _, record = self.problem.record(unknowns, self.model.repeats)
         return float(record.summary[..., column].max())
 
     def jump_up(self) -> np.ndarray | None:
-        """Return the scaled unknowns of the first fold in a run-up, None if there is no fold."""
+        """Return the scaled unknowns of the first fold in a run-up, None if there is no fold.
+
+        The branch turns back at a fold, where the motion jumps to a larger amplitude.
+        """
         if self.orbit_below_loss is None:
             return None
         fold, _ = self._follow_branch(self.orbit_below_loss, increasing=True)
@@ -225,9 +240,10 @@ class _ResonanceSearch:
 
     @functools.cached_property
     def _run_down_branch(self) -> tuple:
-        """(First fold in a run-down or None, `BranchPoint`s of the branch before it).
+        """(First fold in a run-down or None, list of the `BranchPoint`s of the branch before it).
 
-        If contact is never lost, the points are the scanned orbits around the largest one.
+        If contact is never lost, there is no fold, and the points are the scanned orbits around the
+        one with the largest displacement range.
         """
         if self.orbit_above_loss is not None:
             return self._follow_branch(self.orbit_above_loss, increasing=False)
@@ -241,13 +257,15 @@ class _ResonanceSearch:
     def jump_down(self) -> np.ndarray | None:
         """Return the scaled unknowns of the fold where the motion jumps down in a run-down.
 
-        At an earlier fold the motion may jump to a higher branch, which is then followed to its own
-        fold. Return None if the motion passes the resonance without a jump down.
+        At an earlier fold the motion may jump to a branch of larger amplitude, which is then
+        followed to its own fold. A simulation just past each fold decides. Return None if the
+        motion passes the resonance without a jump down.
         """
         fold, _ = self._run_down_branch
         for _ in range(_MAX_JUMPS_TO_HIGHER_BRANCHES):
             if fold is None:
                 break
+            # Simulate from the fold at a slightly lower tuning, where the branch has no orbit.
             tuning = (1.0 - _STEP_PAST_FOLD) * fold.value
             periods = _SETTLING_REPEATS * self.model.repeats
             propagator = self.problem.propagator(self.model, tuning)
@@ -268,8 +286,8 @@ class _ResonanceSearch:
 
         The orbit has the scaled unknowns `start`, and the tuning increases or decreases from it.
         Return (fold or None, list of the `BranchPoint`s before it). Without a fold the branch ends
-        past the scanned orbit without contact loss on the other side of the resonance, or where
-        the tuning leaves the scanned range. Raise ContinuationFailed if neither is reached.
+        past the scanned orbit without contact loss on the other side of the resonance, or where the
+        tuning leaves the scanned range. Raise ContinuationFailed if neither is reached.
         """
         problem = self.problem
         sign = 1.0 if increasing else -1.0
@@ -280,7 +298,11 @@ class _ResonanceSearch:
         points = [branch_point(solution, tangent)]
 
         def has_passed(point: BranchPoint) -> bool:
-            """Return whether a point lies beyond the resonance or outside the range of tunings."""
+            """Return whether a point lies beyond the resonance or outside the range of tunings.
+
+            Beyond the resonance means past the tuning of the orbit `end`, and in contact in a
+            run-down.
+            """
             if not lowest_tuning < point.value < highest_tuning:
                 return True
             is_beyond = end is not None and sign * (point.unknowns[-1] - end[-1]) > 0.0
@@ -291,7 +313,8 @@ class _ResonanceSearch:
         def step(length: float) -> tuple[float, str]:
             """Continue the branch by a step of an arc length; append its end or the fold within it.
 
-            Return (arc length of the next step, reason why the branch ends here or "").
+            Return (arc length of the next step, reason why the branch ends here, or "" if it goes
+            on).
             """
             last = points[-1]
             # A fold just past a grazing is so sharp that the branch may turn in a short step.
@@ -300,6 +323,7 @@ class _ResonanceSearch:
                 problem, last.unknowns, last.tangent, length, allow_corner=allow_corner
             )
             new = branch_point(solution, tangent)
+            # The tuning changes its direction within the step: there is a fold.
             if sign * tangent[-1] < 0.0:
                 located = locate(problem, last, new, FOLD)
                 if located is None:
@@ -327,11 +351,11 @@ class _ResonanceSearch:
         return fold, points
 
     def _stable_fold(self, fold: BranchPoint | None) -> np.ndarray | None:
-        """Return the scaled unknowns of a fold, or None for None.
+        """Return the scaled unknowns of a fold that is reached on a stable branch; None for None.
 
         Raise ContinuationFailed if the motion has become unstable before the fold: then a Floquet
         multiplier other than the one at 1 lies outside the unit circle. With one degree of freedom
-        and damping the other multiplier is always below 1.
+        and damping the other multiplier is always below 1, so it is not checked.
         """
         if fold is None:
             return None
@@ -344,8 +368,8 @@ class _ResonanceSearch:
     def peak(self, column: int) -> tuple:
         """Return (scaled unknowns, extremum) of the orbit with the largest extremum in a run-down.
 
-        The extremum is the largest displacement or mesh force of an orbit, the `column` X_MAX or
-        FORCE_MAX of its summary. The branch is searched up to its first fold.
+        The extremum is the largest displacement or mesh force in an orbit: `column` is X_MAX or
+        FORCE_MAX, a column of its summary. The branch is searched up to its first fold.
         """
         fold, branch = self._run_down_branch
         if fold is not None:
@@ -355,7 +379,11 @@ class _ResonanceSearch:
         i, last = int(np.argmax(extrema)), len(points) - 1
 
         def point_at(position: float) -> Any:
-            """Return the scaled unknowns on the branch at a fractional index in its points."""
+            """Return the scaled unknowns on the branch at a fractional index of its points.
+
+            Index 2.5 is halfway between points 2 and 3, corrected to the branch normal to the
+            chord.
+            """
             k = min(int(position), last - 1)
             chord = points[k + 1] - points[k]
             start = points[k] + (position - k) * chord

@@ -49,11 +49,12 @@ class _SpecialPointProblem(Shooting):
     flank_line: float = 0.0  #: displacement of the flank line that the orbit touches
 
     def turning_point(self, unknowns: np.ndarray) -> tuple[float, float]:
-        """Return (mesh phase, displacement) of the turning point of a grazing orbit.
+        """Return (mesh phase in rad, displacement) of the turning point of a grazing orbit.
 
         `unknowns` are the scaled unknowns of the orbit. The turning point, where the velocity is
         zero, is the one nearest to the phase `self.phase`. If this is None, it is the one nearest
-        to a flank line, and the displacement of this line is stored in `self.flank_line`.
+        to a flank line (displacement at which flanks touch), whose displacement is stored in
+        `self.flank_line`.
         """
         # An additional mesh period shows turning points near the start and end of the orbit.
         _, record = self.record(unknowns, self.period + 1, _SAMPLES)
@@ -67,14 +68,17 @@ class _SpecialPointProblem(Shooting):
             # Turning points at the ends of the record may be missing in neighbouring orbits, so the
             # first and the last half mesh period are omitted.
             inner = indices[np.abs(indices / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2]
+            # The drive-side flank line is at 0, the coast-side one at minus the backlash.
             pairs = itertools.product(inner, (0.0, -self.model.backlash_ratio))  # (index, line)
             i, self.flank_line = min(pairs, key=lambda pair: abs(samples[pair[0], 0] - pair[1]))
         else:
             i = indices[np.abs(indices * step - self.phase).argmin()]
         # A polynomial of degree 5 interpolates displacement, velocity and acceleration of both
         # samples. Newton's method finds the position of its extremum, 0 to 1 between the samples.
+        # Multiplying derivatives by powers of the step refers them to this position.
         end_values = samples[i : i + 2] * step ** np.arange(3.0)
         displacement = Polynomial(np.linalg.solve(_POWERS, end_values.ravel()))
+        # The start of the iteration is the zero of the linearly interpolated velocity.
         position = end_values[0, 1] / (end_values[0, 1] - end_values[1, 1])
         for _ in range(_TURNING_POINT_STEPS):
             position -= displacement.deriv()(position) / displacement.deriv(2)(position)
@@ -83,8 +87,9 @@ class _SpecialPointProblem(Shooting):
     def condition(self, unknowns: np.ndarray) -> float:
         """Return a number that is zero if the orbit at scaled unknowns is a special point.
 
-        It is the distance of the turning point from the flank line for a grazing, else the
-        determinant of M - I for a fold or M + I for a period doubling, with the monodromy matrix M.
+        For a grazing it is the signed distance of the turning point from the flank line that the
+        orbit touches. With the monodromy matrix M it is det(M - I) for a fold (multiplier 1) and
+        det(M + I) for a period doubling (multiplier -1).
         """
         if self.label == GRAZING:
             return self.turning_point(unknowns)[1] - self.flank_line
@@ -95,7 +100,8 @@ class _SpecialPointProblem(Shooting):
     def evaluate(self, unknowns: np.ndarray) -> Evaluation:
         """Return the `Evaluation` of the shooting equation, with the condition as last equation.
 
-        The condition is divided by the norm of its gradient.
+        The condition is divided by the norm of its gradient (finite differences), so that its
+        residual is comparable with the others: a distance in scaled unknowns.
         """
         solution = super().evaluate(unknowns)
         differences = [
@@ -209,11 +215,12 @@ def locus(
 def _follow_locus(problem, solutions, goal, interval, max_step, max_points, time_limit) -> str:
     """Continue a locus from the `Evaluation` in `solutions`, and return the reason for its end.
 
-    Its points are appended to the list `solutions`. The last two unknowns are the parameters: the
-    locus ends at the value `goal` of the second, or where the first leaves the interval (lowest,
-    highest), with `max_points` points, or when the `Limit` `time_limit` is over. `max_step` is the
-    largest arc length of a step in scaled unknowns; for states above _LARGE_STATE it grows in
-    proportion.
+    A locus is a curve of special points, such as folds, in two parameters. `problem` is its
+    `_SpecialPointProblem`; points are appended to the list `solutions`. The last two unknowns are
+    the parameters: the locus ends at the value `goal` of the second, or where the first leaves the
+    `interval` (lowest, highest), with `max_points` points, or when the `Limit` `time_limit` is
+    over. `max_step` is the largest arc length of a step in scaled unknowns; for states above
+    _LARGE_STATE it grows in proportion.
     """
     scaled_goal = goal / problem.units[-1]
     first_value = solutions[0].unknowns[-1]
@@ -224,7 +231,7 @@ def _follow_locus(problem, solutions, goal, interval, max_step, max_points, time
     def step(length: float) -> tuple[float, str]:
         """Continue the locus by a step of an arc length and append its end to `solutions`.
 
-        Return (arc length of the next step, reason why the locus ends here or "").
+        Return (arc length of the next step, reason why the locus ends here, or "" if it goes on).
         """
         nonlocal direction
         # Loci of folds and doublings have a corner if an event coincides with a stiffness switch.

@@ -71,7 +71,11 @@ class Orbit:
         return is_stable(self.multipliers)
 
     def dataset(self) -> xr.Dataset:
-        """Return the orbit as a dataset: state, multipliers, stability and contact pattern."""
+        """Return the orbit as a dataset: state, multipliers, stability and contact pattern.
+
+        The contact pattern is the sequence of contact codes (1 drive side, 0 none, -1 coast side);
+        residual is the difference between initial and final state, in static deflections.
+        """
         data = {
             "state": ("coordinate", self.state),
             "multiplier_real": ("multiplier", self.multipliers.real),
@@ -104,7 +108,7 @@ def periodic_orbit(
     period: Annotated[int, Ge(1), Le(MAX_PERIODS), INTEGER] = 1,
     max_events: Count = MAX_EVENTS,
 ):
-    """Find a periodic orbit near an initial guess by shooting.
+    """Find a periodic orbit near an initial guess by shooting (Newton's method).
 
     Parameters
     ----------
@@ -150,13 +154,18 @@ def periodic_orbit(
 
 
 def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
-    """Return the orbit of a solution with its smallest period if that is shorter, else None."""
+    """Search for an orbit of a shorter period that is equal to a solution; return None if none is.
+
+    `solution` solves the shooting equation over `solution.problem.period` mesh periods. The periods
+    tried are its divisors that are multiples of the period of the excitation, `model.repeats`.
+    """
     problem, state = solution.problem, solution.state
     model, tuning, max_events = problem.model, problem.tuning, problem.max_events
     propagator, period = problem.propagator(model, tuning), problem.period
     for divisor in range(model.repeats, period, model.repeats):
         if period % divisor:
             continue
+        # The state at the end of the shorter period must be near the initial state.
         end, _, code = propagator.maps(state, divisor, max_events)
         if code != status.OK or problem.distance(end, state) > _SHORTER_PERIOD_TOLERANCE:
             continue
@@ -166,7 +175,7 @@ def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
             )
         except NoOrbit:
             continue
-        # Near a period doubling there is also a different orbit of half the period.
+        # Near a period doubling Newton's method may find a different orbit of half the period.
         if problem.distance(orbit.state, state) <= _SAME_ORBIT_TOLERANCE:
             return orbit
     return None
@@ -186,9 +195,10 @@ class Shooting:
     ):
         """Set up the equation for orbits that repeat after `period` mesh periods.
 
-        `names` are the names of the unknown parameters; `parameter_units` are the changes of these
-        parameters that correspond to one static deflection. A mesh period may have at most
-        `max_events` contact events.
+        `tuning` is mesh frequency over mean natural frequency. `names` are the names of the model
+        parameters (or "tuning") that are unknowns beside the initial state; `parameter_units` are
+        the changes of these parameters that correspond to one static deflection, the unit of
+        displacements. A mesh period may have at most `max_events` contact events.
         """
         self.model, self.tuning, self.period = model, tuning, period
         self.names, self.max_events = names, max_events
@@ -196,6 +206,7 @@ class Shooting:
         #: Matrices from full to reduced states, shape (n, full size), and back.
         self.reduction, self.lift = model.reduction()
         n = len(self.reduction)
+        # -(-a // b) rounds the quotient a / b up.
         segments = 1 if names else -(-period // _MAX_SEGMENT_PERIODS)
         #: Mesh periods at which the segments start, and at which the last one ends.
         self.segment_bounds = [period * i // segments for i in range(segments + 1)]
@@ -205,6 +216,7 @@ class Shooting:
         #: permutation matrix from the initial states of all segments to those of the next ones.
         self.next_segments = np.arange(1, segments + 1) % segments
         self.permutation = np.eye(segments * n)[(np.arange(segments * n) + n) % (segments * n)]
+        # Velocities dx/dtau are divided by 1 / tuning, so that they compare with displacements.
         state_units = ([1.0] * (n // 2) + [1.0 / tuning] * (n // 2)) * segments
         #: Value of one scaled unit of each unknown.
         self.units = np.array([*state_units, *parameter_units])
@@ -214,9 +226,11 @@ class Shooting:
         return np.append(self.reduction @ state, parameter_values) / self.units
 
     def initial_unknowns(self, state: np.ndarray) -> np.ndarray:
-        """Return the scaled unknowns of the motion from a full state at tau = 0.
+        """Return the scaled unknowns of the motion that starts from a full state at tau = 0.
 
-        The rigid-body rotations of the initial states of all segments are kept in `self.rotations`.
+        The unknowns are the states at the starts of all shooting segments, without rigid-body
+        rotation (a train may rotate freely). These rotations are kept in `self.rotations`, shape
+        (segments, full size), and added again by `unpack`.
         """
         propagator = self.propagator(self.model, self.tuning)
         states = [state]
@@ -231,8 +245,10 @@ class Shooting:
     def unpack(self, unknowns: np.ndarray) -> tuple:
         """Return (model, tuning, full initial states of the segments) for scaled unknowns.
 
-        The model and the tuning have the values of the unknown parameters; raise ValueError if the
-        model does not allow them.
+        `unknowns` are the initial states of all shooting segments without rigid-body rotation, then
+        the unknown parameters, divided by `self.units`. The returned model and tuning have the
+        values of these parameters. The states have shape (segments, full size). Raise ValueError if
+        the model does not allow a value.
         """
         values = unknowns * self.units
         model, tuning = self.model, self.tuning
@@ -243,9 +259,9 @@ class Shooting:
         return model, tuning, states + self.rotations
 
     def propagator(self, model: Any, tuning: float) -> Any:
-        """Return the propagator of a model at a tuning.
+        """Return the propagator, the integrator of the equations of motion, of a model at a tuning.
 
-        It reuses tables of the propagator of the previous call if the model is the same.
+        It reuses tables of the propagator of the previous call if the model is the same object.
         """
         previous = self._propagator
         if previous is None or previous.model is not model:
@@ -257,9 +273,10 @@ class Shooting:
     def _propagate(self, propagator: Any, state: np.ndarray, start: int, stop: int) -> tuple:
         """Return (final state, linearised map of each mesh period) of the motion from a full state.
 
-        The motion lasts from mesh period number `start` until just before number `stop`. Raise
-        ContinuationFailed if the run fails.
+        The motion lasts from the start of mesh period number `start` to the start of period number
+        `stop`. Raise ContinuationFailed if the run fails, for example with too many contact events.
         """
+        # The excitation repeats after `model.repeats` mesh periods.
         first_period = start % self.model.repeats
         end, maps, code = propagator.maps(state, stop - start, self.max_events, first_period)
         if code != status.OK:
@@ -269,8 +286,9 @@ class Shooting:
     def run(self, unknowns: np.ndarray) -> tuple:
         """Run all segments; return (tuning, initial states, final states, linearised maps).
 
-        The states are full states, shape (segments, n); the maps are a list for each segment, with
-        one matrix for each of its mesh periods.
+        `unknowns` are the scaled unknowns. The states are full states, shape (segments, n). The
+        maps are a list for each segment, with the matrix of derivatives of final by initial states,
+        (n, n), for each of its mesh periods.
         """
         model, tuning, states = self.unpack(unknowns)
         propagator = self.propagator(model, tuning)
@@ -282,25 +300,27 @@ class Shooting:
         return tuning, states, ends, maps
 
     def record(self, unknowns: np.ndarray, periods: int, samples: int = 0) -> tuple:
-        """Return (model, `Record` of its motion over a number of mesh periods) at scaled unknowns.
+        """Return (model, `Record` of its motion over a number of mesh periods) for scaled unknowns.
 
-        `samples` is the number of recorded samples in each mesh period.
+        The model has the values of the unknown parameters; the motion starts at the initial state
+        of the first segment. `samples` is the number of recorded samples in each mesh period.
         """
         model, tuning, states = self.unpack(unknowns)
         propagator = self.propagator(model, tuning)
         return model, propagator.record(states[0], periods, self.max_events, samples)
 
     def evaluate(self, unknowns: np.ndarray) -> "Evaluation":
-        """Return the `Evaluation` of the shooting equation at scaled unknowns.
+        """Return the `Evaluation` (residuals and derivatives) of the shooting equation.
 
-        Raise ValueError if a parameter value is invalid, ContinuationFailed if the run fails.
+        `unknowns` are scaled. Raise ValueError if a parameter value is invalid, ContinuationFailed
+        if the run fails.
         """
         return Evaluation(self, unknowns)
 
     def distance(self, first: np.ndarray, second: np.ndarray) -> float:
-        """Return the distance between two full states apart from a rigid-body rotation.
+        """Return the distance between two full states, ignoring a rigid-body rotation between them.
 
-        It is in static deflections, see `residual_size`.
+        It is the largest difference of a displacement or scaled velocity, in static deflections.
         """
         return residual_size(self.reduction @ (first - second), second, self.tuning)
 
@@ -309,7 +329,11 @@ class Evaluation:
     """Shooting equation evaluated at scaled unknowns: residuals and their derivatives."""
 
     def __init__(self, problem: Shooting, unknowns: np.ndarray):
-        """Run all segments and compute the differences between their ends and the next starts."""
+        """Run all segments and compute the residuals: final states minus the next initial states.
+
+        After the last segment the next initial state is that of the first one, because the orbit is
+        periodic. `unknowns` are the scaled unknowns of the `problem`.
+        """
         self.problem, self.unknowns = problem, unknowns
         tuning, states, ends, maps = problem.run(unknowns)
         next_states = states if len(states) == 1 else states[problem.next_segments]
@@ -335,9 +359,14 @@ class Evaluation:
 
     @cached_property
     def jacobian(self) -> np.ndarray:
-        """Derivatives of the residuals by the scaled unknowns, shape (n, n + parameters)."""
+        """Derivatives of the residuals by the scaled unknowns, shape (n, n + parameters).
+
+        The derivatives by the n states are exact, from the linearised maps of the segments; those
+        by the unknown parameters are finite differences.
+        """
         problem, n = self.problem, self.residuals.size
         units = problem.units[:n]
+        # Residual: final state of a segment (its map) minus the next initial state (permutation).
         segment_maps = block_diag(*self.maps) if len(self.maps) > 1 else self.maps[0]
         state_columns = (segment_maps - problem.permutation) * units / units[:, None]
 
@@ -353,7 +382,10 @@ class Evaluation:
 
 
 def as_orbit(solution: Evaluation) -> Orbit:
-    """Return a solution of the shooting equation as an `Orbit`, with its contact pattern."""
+    """Return a solution of the shooting equation as an `Orbit`, with its contact pattern.
+
+    The motion is simulated once more over the period to record its contact events.
+    """
     problem, period = solution.problem, solution.problem.period
     model, tuning, states = problem.unpack(solution.unknowns)
     record = problem.propagator(model, tuning).record(states[0], period, problem.max_events)
@@ -365,8 +397,8 @@ def as_orbit(solution: Evaluation) -> Orbit:
 def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
     """Solve the shooting equation by damped Newton iteration from scaled initial unknowns.
 
-    A step is halved until the residual decreases. Return the last iterate, which need not have
-    converged. Raise NoOrbit if the Jacobian matrix is singular.
+    A step is halved, at most _MAX_HALVINGS times, until the residual decreases. Return the last
+    iterate, which need not have converged. Raise NoOrbit if the Jacobian matrix is singular.
     """
     solution = problem.evaluate(unknowns)
     for _ in range(_MAX_NEWTON_STEPS):
@@ -392,14 +424,16 @@ def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
 
 
 def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
-    """Return the full state, shape (n,), that corresponds to the argument `guess`.
+    """Return the full state, shape (n,), that corresponds to the user's argument `guess`.
 
-    A guess is a displacement and velocity, or a full state, or None for the state that the motion
-    from rest reaches after at least _TRANSIENT_PERIODS mesh periods.
+    A guess is a displacement and velocity, shape (2,), or a full state, shape (n,). With None,
+    return the state that the motion from rest reaches after at least _TRANSIENT_PERIODS mesh
+    periods, rounded up to a multiple of the period of the orbit.
     """
     model, n = problem.model, problem.model.size
     propagator = problem.propagator(model, problem.tuning)
     if guess is None:
+        # -(-a // b) rounds the quotient a / b up.
         periods = -(-_TRANSIENT_PERIODS // problem.period) * problem.period
         rest_state = propagator.initial_state((0.0, 0.0))
         ends, codes = propagator.propagate_many(rest_state[None], periods, problem.max_events)
@@ -424,13 +458,17 @@ def floquet_multipliers(monodromy: np.ndarray) -> np.ndarray:
 def is_stable(multipliers: np.ndarray) -> bool:
     """Return whether no Floquet multiplier lies outside the unit circle, within rounding errors.
 
-    An orbit without damping, whose multipliers lie on the circle, counts as stable.
+    `multipliers` are complex numbers. An orbit without damping, whose multipliers lie on the
+    circle, counts as stable.
     """
     return bool(np.abs(multipliers).max() < 1.0 + _CIRCLE_TOLERANCE)
 
 
 def compose(maps: Any) -> np.ndarray:
-    """Return the matrix product M_k ... M_2 M_1 of successive linear maps [M_1, ..., M_k]."""
+    """Return the matrix product M_k ... M_2 M_1 of successive linear maps [M_1, ..., M_k].
+
+    The product maps the initial state of the first map to the final state of the last one.
+    """
     product = maps[0]
     for matrix in maps[1:]:
         product = matrix @ product
@@ -440,9 +478,10 @@ def compose(maps: Any) -> np.ndarray:
 def residual_size(difference: np.ndarray, state: np.ndarray, tuning: float) -> float:
     """Return the largest absolute component of a difference of states, in static deflections.
 
-    The difference has displacements, then velocities, on its last axis. Velocities dx/dtau are
-    multiplied by the tuning, so that they are comparable with displacements. If the largest
-    component of `state` exceeds 100, the result is relative to a hundredth of this component.
+    `difference`, shape (..., n), has n / 2 displacements, then n / 2 velocities dx/dtau, on its
+    last axis. Velocities are multiplied by the tuning, so that they are comparable with
+    displacements. If the largest component of `state` exceeds 100, the result is relative to a
+    hundredth of this component, because rounding errors grow with the state.
     """
     weights = np.repeat([1.0, tuning], difference.shape[-1] // 2)
     return float(np.abs(weights * difference).max() / max(1.0, np.abs(state).max() * 1e-2))
@@ -452,12 +491,14 @@ def _contact_pattern(record: Any, flank_lines: tuple, tuning: float) -> tuple:
     """Return (sequence of contact codes of an orbit, whether it grazes a flank line).
 
     `record` is the `Record` of the orbit over its period. `flank_lines` are the displacements at
-    which drive-side and coast-side contact start. A contact code is 1 for drive-side contact, 0 for
-    no contact, -1 for coast-side contact.
+    which drive-side and coast-side contact start; an orbit grazes a line if it touches or barely
+    crosses it. A contact code is 1 for drive-side contact, 0 for no contact, -1 for coast-side
+    contact. Without contact events there is one code for each mesh.
     """
     events, summary = record.events, record.summary
     lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
     tolerance = _TOUCH_TOLERANCE * np.maximum(1.0, highest - lowest)
+    # The displacement has an extremum on a flank line that it touches.
     touches_line = any(
         np.min(np.abs(extremum - line) - tolerance) < 0
         for extremum in (lowest, highest)
@@ -474,13 +515,14 @@ def _contact_pattern(record: Any, flank_lines: tuple, tuning: float) -> tuple:
 
 
 def codes_without_events(lowest, highest, drive_line: Any, coast_line: Any) -> list:
-    """Return the contact code of each mesh of an orbit without contact events.
+    """Return the contact code of each mesh of an orbit without contact events, as a list.
 
-    `lowest` and `highest` are the smallest and largest displacements of the meshes, shape (m,) or
-    (). `drive_line` and `coast_line` are the displacements at which drive-side and coast-side
-    contact start. A contact code is 1 for drive-side contact, 0 for no contact, -1 for coast-side
-    contact.
+    `lowest` and `highest` are the smallest and largest displacements of the m meshes, shape (m,),
+    or () for a single mesh. `drive_line` and `coast_line` are the displacements at which drive-side
+    and coast-side contact start. A contact code is 1 for drive-side contact, 0 for no contact, -1
+    for coast-side contact.
     """
-    # One extremum may lie on a flank line, so each comparison uses the other one.
+    # An orbit on one side of a flank line may touch it with one extremum, so each comparison uses
+    # the other extremum.
     codes = np.where(highest > drive_line, 1, np.where(lowest > coast_line, 0, -1))
     return np.atleast_1d(codes).tolist()

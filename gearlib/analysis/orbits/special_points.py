@@ -75,7 +75,8 @@ class BranchPoint:
 def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
     """Return a solution of the shooting equation with one parameter as a `BranchPoint`.
 
-    `tangent` is the unit tangent of the branch there. The label is REGULAR.
+    The orbit is simulated over its period for its extrema and contact states. `tangent` is the unit
+    tangent of the branch at the solution. The label is REGULAR (no special point).
     """
     problem = solution.problem
     model, record = problem.record(solution.unknowns, problem.period)
@@ -89,10 +90,11 @@ def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
 def branch_dataset(title: str, solutions: list, variables: dict, **attributes: Any) -> xr.Dataset:
     """Return solutions of the shooting equation as a dataset with the dimension ``point``.
 
-    `solutions` are `Evaluation`s, whose states, multipliers and parameters become variables.
-    `variables`, {name: (dims, values) or values}, are added; a variable with the name of a
-    parameter has its exact values, without the scaling of the unknowns. `attributes` are added to
-    those of the dataset.
+    `title` is the title of the dataset. `solutions` are `Evaluation`s, whose states, multipliers,
+    residuals and parameters become variables. `variables`, {name: (dims, values) or values}, are
+    added. If one of them has the name of a continued parameter, its values replace those computed
+    from the scaled unknowns, which have rounding errors. `attributes` are added to the attributes
+    of the dataset.
     """
     problem = solutions[0].problem
     multipliers = np.array([solution.multipliers for solution in solutions])
@@ -107,6 +109,7 @@ def branch_dataset(title: str, solutions: list, variables: dict, **attributes: A
     if "tuning" not in problem.names:
         data["tuning"] = problem.tuning
     parameters = continuation_parameters(problem.model)
+    # The unknowns are the components of the reduced state, then the parameters.
     for name, values in zip(problem.names, unknowns.T[len(problem.reduction) :], strict=True):
         data[name] = "point", variables.pop(name, values), parameters[name]
     attributes |= {"period": problem.period, "tuning": problem.tuning}
@@ -118,24 +121,27 @@ def _contact_sequence(events: np.ndarray, summary: np.ndarray, flank_lines: tupl
     """Return the cyclic sequence of contact states of an orbit as a string.
 
     The letters are D for drive-side contact, F for free flight, C for coast-side contact. `events`
-    and `summary` are tables of a `Record`, `flank_lines` are the displacements at which drive- and
-    coast-side contact start. The sequence is shifted cyclically to the alphabetically last one,
-    so that it does not depend on the initial phase. With several meshes each letter has the index
-    of its mesh as a prefix, and simultaneous events are sorted by mesh.
+    has a row for each contact event and `summary` the extrema of the motion; both are tables of a
+    `Record`. `flank_lines` are the displacements at which drive- and coast-side contact start. The
+    sequence is shifted cyclically to the alphabetically last one, so that it does not depend on the
+    initial phase. With several meshes each letter has the index of its mesh as a prefix, and
+    simultaneous events are sorted by mesh.
     """
     if not len(events):
         # The whole motion has the contact state of its mean displacement.
         middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
         codes = codes_without_events(middle, middle, *flank_lines)
         return "".join(_CONTACT_LETTERS[code] for code in codes)
+    # Events of several meshes have an additional last column, the index of the mesh.
     codes, mesh_column = events[:, columns.EVENT_TO], columns.EVENT_COLUMNS
     has_several_meshes = events.shape[1] > mesh_column
     if not has_several_meshes and events[0, columns.EVENT_FROM] != codes[-1]:
-        # The orbit starts on a flank line to rounding error: the event at tau = 0 is missing.
+        # The orbit starts on a flank line up to rounding, so that its first event is missing.
         codes = np.append(codes, events[0, columns.EVENT_FROM])
     letters = [_CONTACT_LETTERS[int(code)] for code in codes]
     if has_several_meshes:
         phases = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
+        # Events have the same instant number if the time between them is within the tolerance.
         instants = np.cumsum(np.diff(phases, prepend=phases[0]) > _SIMULTANEOUS_TOLERANCE)
         meshes = events[:, mesh_column].astype(int)
         letters = [f"{meshes[i]}{letters[i]} " for i in np.lexsort((meshes, instants))]
@@ -145,7 +151,8 @@ def _contact_sequence(events: np.ndarray, summary: np.ndarray, flank_lines: tupl
 def _neimark_sacker_test(multipliers: np.ndarray) -> float:
     """Return |mu|^2 - 1 for the complex Floquet multiplier mu of largest modulus.
 
-    It changes its sign at a Neimark-Sacker point. Return -1 if all multipliers are real.
+    This test function changes its sign at a Neimark-Sacker point, where a complex pair crosses the
+    unit circle. Return -1 if all multipliers are real.
     """
     complex_multipliers = multipliers[multipliers.imag > 1e-9]
     if not complex_multipliers.size:
@@ -162,10 +169,11 @@ _TEST_FUNCTIONS = {
 
 
 def point_on_chord(problem: Shooting, first, last, position: float) -> BranchPoint:
-    """Return the point of a branch next to a position on the chord of two `BranchPoint`s.
+    """Return the point of a branch next to a position on the chord between two `BranchPoint`s.
 
-    The position is 0 at `first` and 1 at `last`; the point lies in the plane normal to the chord.
-    Its tangent is the direction of the chord, because the tangent of the branch may not exist.
+    `problem` is the `Shooting` equation of the branch. The position is 0 at `first` and 1 at
+    `last`; the returned `BranchPoint` lies in the plane normal to the chord. Its tangent is the
+    direction of the chord, because the tangent of the branch may not exist there.
     """
     chord = last.unknowns - first.unknowns
     direction = chord / np.linalg.norm(chord)
@@ -176,9 +184,10 @@ def point_on_chord(problem: Shooting, first, last, position: float) -> BranchPoi
 def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int) -> tuple | None:
     """Locate the special point with a label between the points `first` and `last` of a branch.
 
-    The label is FOLD, DOUBLING or NEIMARK_SACKER. Return (position on the chord from 0 to 1,
-    special point), or None if the test function does not change its sign between the points. If
-    the parameter keeps its direction at a fold, the point is labelled BRANCH_POINT instead.
+    `problem` is the `Shooting` equation of the branch; the label is FOLD, DOUBLING or
+    NEIMARK_SACKER. Return (position on the chord from 0 to 1, special point), or None if the test
+    function of the label does not change its sign between the points. If the parameter keeps its
+    direction at a fold, the point is labelled BRANCH_POINT instead.
     """
     test = _TEST_FUNCTIONS[label]
     end_values = {0.0: test(first.solution.multipliers), 1.0: test(last.solution.multipliers)}
@@ -190,7 +199,10 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
         return None
 
     def test_value(position: float) -> float:
-        """Return the value of the test function at a position on the chord, 0 to 1."""
+        """Return the value of the test function at a position on the chord, 0 to 1.
+
+        The values at both ends are known; between them an orbit on the branch is computed.
+        """
         if position in end_values:
             return end_values[position]
         return test(point_on_chord(problem, first, last, position).solution.multipliers)
@@ -210,8 +222,9 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
 def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> list:
     """Return the special points between two points of a branch with the same contact states.
 
-    The points are `BranchPoint`s, sorted from `first` to `last`. Raise ContinuationFailed if
-    Newton's method does not converge on the chord.
+    Special points are folds, branch points, period doublings and Neimark-Sacker points. They are
+    `BranchPoint`s, sorted from `first` to `last`; `problem` is the `Shooting` equation. Raise
+    ContinuationFailed if Newton's method does not converge on the chord.
     """
     located = [locate(problem, first, last, label) for label in _TEST_FUNCTIONS]
     positions_and_points = [pair for pair in located if pair is not None]
@@ -222,12 +235,15 @@ def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> 
 def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> tuple:
     """Locate the grazing between two points of a branch with different contact states by bisection.
 
-    Return (`BranchPoint` just before the grazing with the label GRAZING, `BranchPoint` just past
-    it). If the contact states change more than once, it is one of these changes.
+    At a grazing the orbit touches a flank, and its sequence of contact states changes. Return
+    (`BranchPoint` just before the grazing with the label GRAZING, `BranchPoint` just past it). If
+    the sequence changes more than once, one of these changes is located. `problem` is the
+    `Shooting` equation; positions on the chord are 0 at `first` and 1 at `last`.
     """
     low, high, before = 0.0, 1.0, first
     while high - low > _CHORD_TOLERANCE:
         middle = 0.5 * (low + high)
+        # Two neighbouring floating-point numbers have no number between them.
         if not low < middle < high:
             break
         point = point_on_chord(problem, first, last, middle)

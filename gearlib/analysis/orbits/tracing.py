@@ -50,10 +50,11 @@ class ContinuationFailed(RuntimeError):
 def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
     """Find the intersection of a curve and a plane by Newton's method, from a point of the plane.
 
-    `problem.evaluate(unknowns)` returns the residuals of the n equations of the curve and their
-    derivatives. The plane contains the unknowns `start`, shape (n + 1,), and is normal to the
-    vector `normal` of the same shape. Return (solution, number of Newton corrections). Raise
-    ContinuationFailed if Newton's method does not converge.
+    The curve is given by n equations for n + 1 unknowns: `problem.evaluate(unknowns)` returns a
+    solution object with the attributes `residuals`, shape (n,), their derivatives `jacobian`, shape
+    (n, n + 1), and `converged`. The plane contains the point `start`, shape (n + 1,), and is normal
+    to the vector `normal` of the same shape. Return (solution object, number of Newton
+    corrections). Raise ContinuationFailed if Newton's method does not converge.
     """
     unknowns = start
     for count in range(_MAX_CORRECTIONS):
@@ -61,11 +62,14 @@ def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
             solution = problem.evaluate(unknowns)
             if solution.converged:
                 return solution, count
+            # The equation of the plane is the last of n + 1 equations.
             jacobian = np.vstack([solution.jacobian, normal])
             residuals = np.append(solution.residuals, normal @ (unknowns - start))
             correction = -np.linalg.solve(jacobian, residuals)
         except ValueError as error:
+            # The unknowns are not valid for the model.
             raise ContinuationFailed(str(error)) from None
+        # The negated comparison also refuses corrections that are NaN.
         if not np.linalg.norm(correction) < _MAX_CORRECTION_LENGTH:
             raise ContinuationFailed("a correction is too long")
         unknowns = unknowns + correction
@@ -75,8 +79,10 @@ def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
 def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Return the unit tangent of a curve, shape (n + 1,), oriented like a vector `direction`.
 
-    `jacobian` holds the derivatives of the residuals, shape (n, n + 1), at a point of the curve.
-    Raise ContinuationFailed if its null space has more than one dimension.
+    `jacobian`, shape (n, n + 1), holds the derivatives of the n equations of the curve by its n + 1
+    unknowns. The tangent spans the null space of this matrix; raise ContinuationFailed if the null
+    space has more than one dimension. Of the two unit tangents, return the one whose scalar product
+    with `direction`, shape (n + 1,), is not negative.
     """
     _, singular_values, right_vectors = np.linalg.svd(jacobian)
     if singular_values[-1] < _SINGULAR_TOLERANCE * singular_values[0]:
@@ -90,15 +96,17 @@ def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
 def take_step(problem, unknowns, direction, length, goal=None, allow_corner=False) -> tuple:
     """Take a step along a curve; return (solution, unit tangent there, number of corrections).
 
-    `problem` evaluates the equations of the curve. The step starts at the point `unknowns` of the
-    curve and has the given length along the unit tangent `direction`. It ends early if the last
-    unknown reaches the value `goal`. Raise ContinuationFailed if the curve turns by more than a
-    small angle, unless `allow_corner` is set.
+    `problem` evaluates the equations of the curve, as in `correct`. The step starts at the point
+    `unknowns` of the curve, shape (n + 1,), and has the given `length` along the unit tangent
+    `direction`. If the last unknown, the continuation parameter, would pass the value `goal`, the
+    step ends exactly there, and 0 is returned for the number of Newton corrections. Raise
+    ContinuationFailed if the curve turns by more than a small angle, unless `allow_corner` is set.
     """
     predicted = unknowns + length * direction
     if goal is not None and (unknowns[-1] - goal) * (predicted[-1] - goal) < 0.0:
         corrections = 0
         solution = solve_at_value(problem, unknowns, predicted, goal)
+        # A solution that is much farther away may lie on another curve.
         if not np.linalg.norm(solution.unknowns - unknowns) < 2.0 * length:
             raise ContinuationFailed("the step is too long")
     else:
@@ -110,9 +118,11 @@ def take_step(problem, unknowns, direction, length, goal=None, allow_corner=Fals
 
 
 def next_step_length(length, corrections, max_easy_corrections, max_length) -> float:
-    """Return the length of the next step along a curve, at most `max_length` if it is increased.
+    """Return the length of the next step along a curve.
 
-    It is 1.5 times the last `length` if at most `max_easy_corrections` corrections were needed.
+    After an easy step, with at most `max_easy_corrections` Newton corrections, it is 1.5 times the
+    last `length`, but at most `max_length`; otherwise it is the last length. `corrections` is the
+    number of corrections in the last step.
     """
     if corrections <= max_easy_corrections:
         return min(1.5 * length, max_length)
@@ -122,12 +132,13 @@ def next_step_length(length, corrections, max_easy_corrections, max_length) -> f
 def follow_curve(
     step: Callable, points: list, length, min_length, max_points: int, time_limit=None
 ) -> str:
-    """Take steps along a curve until it ends, and return the reason for its end.
+    """Take steps along a curve until it ends, and return the reason for its end as a string.
 
-    `step(length)` appends to `points` and returns (length of the next step, reason for the end of
-    the curve or ""). If it raises ContinuationFailed, it is repeated with half the length, as long
-    as that is at least `min_length`. `length` is the length of the first step. The curve also ends
-    with `max_points` points, or when the time of the `Limit` `time_limit` is over.
+    The caller's function `step(length)` takes a step of this arc length, appends its end to
+    `points`, and returns (length of the next step, reason for the end of the curve or ""). If it
+    raises ContinuationFailed, it is repeated with half the length, as long as that is at least
+    `min_length`. `length` is the length of the first step. The curve also ends when there are
+    `max_points` points, or when the time of `time_limit`, a `Limit` or None, is over.
     """
     time_limit = time_limit or Limit(None)
     steps = iter(lambda: len(points) < max_points, False)  # endless until there are max_points
@@ -136,6 +147,7 @@ def follow_curve(
             length, end_reason = step(length)
         except ContinuationFailed as error:
             length *= 0.5
+            # An empty reason lets the loop go on with the shorter step.
             end_reason = str(error) if length < min_length else ""
         if end_reason:
             return end_reason
@@ -145,8 +157,9 @@ def follow_curve(
 def solve_at_value(problem: Any, first: np.ndarray, second: np.ndarray, value: float) -> Any:
     """Return the solution on a curve at which the last unknown is equal to `value`.
 
-    `first` and `second` are the unknowns, shape (n + 1,), at two points on or near the curve with a
-    smaller and a larger last unknown, in either order.
+    `problem` evaluates the equations of the curve, as in `correct`. `first` and `second` are the
+    unknowns, shape (n + 1,), at two points on or near the curve; `value` lies between the last
+    unknowns of both. Newton's method starts from the linear interpolation between these points.
     """
     fraction = (value - first[-1]) / (second[-1] - first[-1])
     start = first + fraction * (second - first)
@@ -156,10 +169,10 @@ def solve_at_value(problem: Any, first: np.ndarray, second: np.ndarray, value: f
 
 
 def difference_quotient(function: Callable, unknowns, index, step=_DIFFERENCE_STEP) -> Any:
-    """Return the finite difference quotient of `function(unknowns)` by the unknown number `index`.
+    """Return the finite-difference derivative of `function(unknowns)` by unknown number `index`.
 
-    It is a central difference with the given step, or one-sided if the function raises ValueError
-    on one side. The result has the shape of the function value.
+    `unknowns` has shape (n,). The difference is central with the given `step`, or one-sided if the
+    function raises ValueError on one side. The result has the shape of the function value.
     """
     positions, values = [], []
     for signed_step in (-step, step):
@@ -167,7 +180,7 @@ def difference_quotient(function: Callable, unknowns, index, step=_DIFFERENCE_ST
         try:
             values.append(function(shifted))
         except ValueError:
-            # The parameter is outside its range on this side.
+            # The parameter is outside its valid range on this side: use the unshifted point.
             shifted = unknowns
             values.append(function(shifted))
         positions.append(shifted[index])
@@ -201,8 +214,9 @@ _ATTRIBUTE_NAMES = {"damping": "damping_ratio", "backlash_damping": "backlash_da
 def continuation_parameters(model: Any) -> dict:
     """Return the parameters in which orbits of a model can be continued, with CF attributes.
 
-    The result is {name: {"units": ..., "long_name": ...}}. A model with a single pair of gears, the
-    `GearPair` in `model.pair`, has all `DIMENSIONLESS_PARAMETERS` besides its own.
+    The result is {name: {"units": ..., "long_name": ...}}. They are the model's own `parameters`
+    and, for a model of a single pair of gears, whose `model.pair` is a `GearPair`, the
+    `DIMENSIONLESS_PARAMETERS`, such as tuning and damping ratio.
     """
     parameters = (DIMENSIONLESS_PARAMETERS if model.pair else {}) | model.parameters
     return {
@@ -214,9 +228,10 @@ def continuation_parameters(model: Any) -> dict:
 def check_parameter(model: Any, name: str) -> str:
     """Check that orbits of a model can be continued in the parameter `name`, and return the name.
 
-    Raise ValueError otherwise.
+    Raise ValueError if the model has no gears or no such parameter.
     """
-    # A model with gears has a `GearPair` in `pair`, or is a train with the names of its meshes.
+    # A model with gears has a `GearPair` in `pair`, or is a train, which has `mesh_names`. Other
+    # models, such as an oscillator, have neither.
     allowed = "a GearPair, a OneDegreePair, a SixDegreePair or a GearTrain"
     has_gears = is_model(model) and (model.pair or model.mesh_names)
     checks.require(has_gears, "model", type(model).__name__, allowed)
@@ -226,9 +241,10 @@ def check_parameter(model: Any, name: str) -> str:
 def start_and_goal(model: Any, tuning, name: str, goal, owner: str) -> tuple:
     """Return the values of the parameter `name` at both ends of a continuation, (start, goal).
 
-    The continuation starts at the present value of a model or at its `tuning`. Raise ValueError if
-    the goal is equal to this value or is invalid for the model; the message refers to the present
-    value as that of `owner`, such as "the orbit".
+    The continuation starts at the present value of the parameter: an attribute of `model`, or
+    `tuning` if the name is "tuning". Raise ValueError if the `goal` is equal to this value or is
+    invalid for the model. The message calls the owner of the present value `owner`, such as "the
+    orbit".
     """
     start = value_of(model, tuning, name)
     checks.require(goal != start, "to", goal, f"different from the {name} of {owner}")
@@ -237,7 +253,10 @@ def start_and_goal(model: Any, tuning, name: str, goal, owner: str) -> tuple:
 
 
 def value_of(model: Any, tuning: float, name: str) -> float:
-    """Return the value of the parameter `name` of a model, or `tuning` for the name "tuning"."""
+    """Return the value of the parameter `name` of a model, or `tuning` for the name "tuning".
+
+    The tuning, mesh frequency over mean natural frequency, is not a part of the model.
+    """
     if name == "tuning":
         return float(tuning)
     if name in model.parameters:
@@ -248,8 +267,9 @@ def value_of(model: Any, tuning: float, name: str) -> float:
 def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
     """Return copies (model, tuning) in which the parameter `name` has another value.
 
-    The name is one of `continuation_parameters`; all other dimensionless parameters keep their
-    values. Raise ValueError if the value is invalid.
+    The name is a key of `continuation_parameters(model)`. All other dimensionless parameters keep
+    their values; the tuning is mesh frequency over mean natural frequency. Raise ValueError if the
+    `value` is invalid.
     """
     if name == "tuning":
         return model, parameters.check(name, value, Positive)
@@ -265,9 +285,11 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
         value = parameters.check(name, value, NonNegative)
     attribute = _ATTRIBUTE_NAMES.get(name, name)
     if attribute in RATIOS:
+        # The pair stores damping and backlash in SI units, which follow from the ratio.
         return model.replace(**ratio_fields(model, attribute, value)), tuning
+    # The other names are contact_ratio and stiffness_ratio. The largest stiffness is adapted, so
+    # that the mean stiffness, to which the tuning and all ratios refer, does not change.
     changed = model.replace(**{name: value})
-    # The largest stiffness is adapted, so that the mean stiffness does not change.
     mean_ratio = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
     return changed.replace(max_stiffness=model.mean_stiffness / mean_ratio), tuning
 
@@ -275,8 +297,10 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
 def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np.ndarray) -> list:
     """Return a list of (model, tuning), one for each value of a dimensionless parameter.
 
-    `values` has shape (k,). `tuning` must be None if the parameter is "tuning"; other parameters
-    require a `GearPair` and a tuning. Raise ValueError otherwise, or if a value is invalid.
+    `values`, shape (k,), are the values of the parameter named `parameter`. If it is "tuning" (mesh
+    frequency over mean natural frequency), the argument `tuning` must be None. Any other parameter
+    requires a `GearPair` as the model, and its `tuning`. Raise ValueError if these rules are broken
+    or a value is invalid.
     """
     if parameter == "tuning":
         checks.require(tuning is None, "tuning", tuning, "omitted if the tuning is varied")
