@@ -27,8 +27,9 @@ _NO_EVENT, _HIDDEN_EVENT = 2.0, -1.0
 def fill_amplitudes(tables, combination, y, amplitudes):
     """Fill `amplitudes` with the magnitudes of the modes in a modal state; return their number.
 
-    y is the modal state of a `combination` of contacts, a row of `tables` (`Modes`). Oscillating
-    pairs come before real modes.
+    y holds the state in modal coordinates: two entries for each oscillating pair of modes, then one
+    for each real (exponentially decaying) mode. The row `combination` of the mode tables `tables`
+    (`Modes`), which belongs to the present contacts of the meshes, holds the numbers of both.
     """
     pair_count = tables.pair_counts[combination]
     for k in range(pair_count):
@@ -41,11 +42,12 @@ def fill_amplitudes(tables, combination, y, amplitudes):
 
 @inlined_without_refcounts
 def _can_reach(constants, j, contact_code, line):
-    """Return whether mesh j may reach a flank line, 1 for the drive and -1 for the coast side.
+    """Return whether mesh j can reach a flank line, the displacement at which its flanks touch.
 
-    `contact_code` is 1 or -1 in contact on the drive or coast side, else 0. A mesh in contact on
-    one side can reach the other side only if it may jam. `constants` (`RunConstants`) says which
-    meshes may jam and which have no coast side.
+    `line` is 1 for the drive-side and -1 for the coast-side line; `contact_code` is 1 or -1 in
+    contact on that side and 0 without contact. A mesh in contact on one side reaches the line of
+    the other side only if its backlash may vanish (`constants.may_jam`). A mesh with
+    `constants.no_coast_side` has no coast-side line.
     """
     may_reach_other_side = contact_code != -line or constants.may_jam[j]
     return may_reach_other_side and not (line == -1 and constants.no_coast_side[j])
@@ -55,8 +57,9 @@ def _can_reach(constants, j, contact_code, line):
 def _distance_sign(contact_code, line):
     """Return the sign, 1 or -1, of the displacement of a mesh from a flank line.
 
-    `line` is 1 for the drive-side and -1 for the coast-side line; `contact_code` is DRIVE, COAST or
-    NO_CONTACT. The sign is constant until the mesh crosses the line.
+    `line` is 1 for the drive-side and -1 for the coast-side line, the displacements at which the
+    flanks touch. A mesh is above the drive-side line only in drive-side contact, and below the
+    coast-side line only in coast-side contact; `contact_code` is DRIVE, COAST or NO_CONTACT.
     """
     if line == 1:
         return 1.0 if contact_code == DRIVE else -1.0
@@ -67,7 +70,7 @@ def _distance_sign(contact_code, line):
 def _dot_of_first(a, b, count):
     """Return the scalar product of the first `count` entries of the vectors a and b.
 
-    The processor computes four independent partial sums in parallel.
+    Four partial sums do not wait for each other, so that the processor adds them in parallel.
     """
     sum_0, sum_1, sum_2, sum_3 = 0.0, 0.0, 0.0, 0.0
     k = 0
@@ -87,9 +90,10 @@ def _dot_of_first(a, b, count):
 def distance_amplitude(tables, combination, side, j, work, count):
     """Return a bound on the oscillation of mesh j's distance from a flank line about its mean.
 
-    The bound holds until a contact changes. `combination` is a row of `tables` (`Modes`), `count`
-    is the number of mode amplitudes in `work` (`RunStorage`), and `side` is 0 for the coast-side
-    and 1 for the drive-side line.
+    The flank line is the displacement at which the flanks touch; `side` is 0 for the coast and 1
+    for the drive side. Each mode adds its magnitude, one of the first `count` entries of
+    ``work.amplitudes``, times its share in the distance. The shares stand in the mode tables
+    `tables`, whose row `combination` belongs to the present contacts. The bound includes rounding.
     """
     factors = tables.mode_amplitude_factors[combination, side, j]
     amplitude = _dot_of_first(factors, work.amplitudes, count)
@@ -100,9 +104,12 @@ def distance_amplitude(tables, combination, side, j, work, count):
 def stays_off_lines(tables, combination, j, constants, work, count):
     """Return whether mesh j provably reaches no flank line until a contact changes.
 
-    `combination` is a row of `tables` (`Modes`); if it is SERIES, the proof holds as long as the
-    Taylor series in `work` (`RunStorage`). `count` is the number of mode amplitudes in `work`;
-    `constants` (`RunConstants`) say which meshes have a constant gap between both flank lines.
+    A flank line is the displacement at which the flanks touch. The mesh stays off it if the
+    constant part of its distance exceeds the sum of the oscillations of all modes, whose magnitudes
+    are the first `count` entries of ``work.amplitudes``. `combination` is the row of the mode
+    tables `tables` for the present contacts. If it is SERIES, there are no modes; then the Taylor
+    series of the distance in `work` is bounded, which holds for one step. `constants`
+    (`RunConstants`) have flags of the meshes.
     """
     amplitude, code = 0.0, work.contact[j]
     for line in (1, -1):
@@ -129,13 +136,14 @@ def stays_off_lines(tables, combination, j, constants, work, count):
 
 @inlined_without_refcounts
 def fill_curve(curves, y, bernstein):
-    """Fill `bernstein`, (degree + 1,), with the Bernstein coefficients of a distance over a piece.
+    """Fill `bernstein`, (degree + 1,), with the Bernstein coefficients of a mesh's flank distance.
 
-    They are y @ curves: y, shape (n,), is the modal state at the start of the piece of time, or the
-    Taylor series of the distance, and row i of `curves`, shape (n, degree + 1), is the contribution
-    of entry i.
+    The distance of a mesh from its flank line is a polynomial of time over a short step, with the
+    coefficients y @ curves. y, shape (n,), is the state in modal coordinates at the start of the
+    step, or the Taylor series of the distance. Row i of `curves`, (n, degree + 1), is the part due
+    to y[i].
     """
-    # The compiler unrolls loops of constant length.
+    # Only two degrees occur. Written as constants, they let the compiler unroll the loops.
     if bernstein.shape[0] == LOW_DEGREE + 1:
         fill_product(curves, y, bernstein, LOW_DEGREE + 1)
     else:
@@ -144,7 +152,11 @@ def fill_curve(curves, y, bernstein):
 
 @inlined_without_refcounts
 def _fill_signed_distance(curve, offset, sign, b, count):
-    """Fill b with sign * (curve + offset), of `count` entries, and return the smallest entry."""
+    """Fill b with `count` entries of sign * (curve + offset) and return the smallest of them.
+
+    `curve` holds the Bernstein coefficients of a flank distance. If all signed coefficients are
+    positive, the distance has no zero.
+    """
     lowest = math.inf
     for k in range(count):
         b[k] = sign * (curve[k] + offset)
@@ -154,13 +166,15 @@ def _fill_signed_distance(curve, offset, sign, b, count):
 
 @kernel_without_refcounts
 def distance_rounding(curves, y):
-    """Return a bound on the rounding error of a distance with Bernstein coefficients y @ curves.
+    """Return a bound on the rounding error of a flank distance, of coefficients y @ curves.
 
-    y, shape (n,), is the modal state or a Taylor series, and `curves` has the shape (n, degree +
-    1), see `fill_curve`.
+    y, shape (n,), is the state in modal coordinates or the Taylor series of the distance, and row i
+    of `curves`, (n, degree + 1), is the part of the coefficients due to y[i]. The bound is a small
+    fraction of the sum of the magnitudes of these parts.
     """
     magnitude, last = 0.0, curves.shape[1] - 1
-    # In a piece of time a mode oscillates at most about once, so three coefficients suffice.
+    # A polynomial covers at most about one oscillation of a mode, so its first, middle and last
+    # coefficients show how large it is.
     for i in range(curves.shape[0]):
         largest = max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2]))
         magnitude += largest * abs(y[i])
@@ -171,7 +185,8 @@ def distance_rounding(curves, y):
 def restrict_to_start(b, fraction, n):
     """Replace the Bernstein coefficients b on [0, 1] by the coefficients on [0, fraction].
 
-    b has n + 1 entries, of a polynomial of degree n, and changes in place.
+    b has n + 1 entries, of a polynomial of degree n, and changes in place. This is de Casteljau's
+    scheme: weighted means of neighbouring coefficients, n times.
     """
     if fraction == 1.0:
         return
@@ -184,8 +199,10 @@ def restrict_to_start(b, fraction, n):
 def _falls_from_rest(b, order, rounding):
     """Return whether a distance that starts at zero with zero slope decreases from there.
 
-    The sign of its first nonzero derivative, which has this `order`, decides. b holds the Bernstein
-    coefficients of the distance, and `rounding` is their rounding error.
+    At the start all derivatives of lower order than `order` are zero, so that the sign of the
+    derivative of this order decides. Up to a positive factor it is an alternating sum of the
+    distance's Bernstein coefficients b with binomial weights. `rounding` is the rounding error of a
+    coefficient.
     """
     derivative, weight_sum = 0.0, 0.0
     for i in range(order + 1):

@@ -72,10 +72,12 @@ class Modes(NamedTuple):
 
 
 def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS):
-    """Return empty `Modes` for n state components and m meshes, of at most MAX_TABLE_BYTES.
+    """Return empty tables (`Modes`) for the modes of a train of n state components and m meshes.
 
-    There may be up to `combinations` combinations of contacts and stiffness levels; `length_count`
-    is the number of different lengths of segments.
+    A row of the tables is for one combination of the contacts and stiffness levels of all meshes,
+    of which `combinations` are possible. For each row there is room for the factors of the modes
+    over `length_count` different durations of a segment of constant stiffness. All tables together
+    take at most MAX_TABLE_BYTES, but have at least two rows.
     """
     length_count = min(length_count, MAX_SEGMENT_LENGTHS)
     padded = (n + 7) // 8 * 8  # The next multiple of eight.
@@ -86,7 +88,9 @@ def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS):
     cost = mode_cost_in_steps(n)
     max_rows = _MAX_COMBINATIONS_BESIDE_SERIES if cost else MAX_COMBINATIONS
     rows = int(min(rows, max_rows, max(combinations, _MIN_ROWS)))
-    # Combinations that are integrated by Taylor series take hash slots as well.
+    # Combinations that are integrated by Taylor series take hash slots as well. The number of slots
+    # is a power of two, for a fast hash, and at least four times the number of rows, against
+    # collisions.
     slots = _MIN_SERIES_SLOTS if cost else 1
     while slots < 4 * rows:
         slots *= 2
@@ -116,15 +120,18 @@ def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS):
 
 @kernel_without_refcounts
 def find_slot(slots, keys, effects):
-    """Return the hash slot of a combination of contact effects, or the free slot for it.
+    """Return the hash slot of a combination of contacts, or the free slot in which to store it.
 
-    `effects`, int, shape (m,), has the effect of each mesh. A slot in `slots` holds the row of its
-    combination in `keys`, shape (c, m), or -1 if it is free.
+    `effects`, int, shape (m,), has a number for the contact and stiffness level of each mesh. A
+    slot holds the row of its combination in `keys`, shape (c, m), or -1 if it is free. If a slot is
+    taken by another combination, the next slot is tried.
     """
     mask, hashed, m = slots.shape[0] - 1, 0, effects.shape[0]
     for j in range(m):
         # Multiplicative hashing by an odd number near the golden ratio; the product may overflow.
         hashed = (hashed + effects[j]) * 0x1E3779B97F4A7C15
+    # The lowest bits of the product are mixed least. The mask works as the slots are a power of
+    # two.
     slot = (hashed >> 20) & mask
     while slots[slot] >= 0:
         j, stored = 0, keys[slots[slot]]
@@ -137,7 +144,7 @@ def find_slot(slots, keys, effects):
 
 
 def clear_tables(tables: Modes) -> None:
-    """Mark all rows of the `Modes` in `tables` as unused."""
+    """Mark all rows of the mode tables as unused, so that they are filled again when needed."""
     tables.combination_count[0] = 0
     tables.hash_slots[:] = -1
     tables.series_steps[:] = 0
@@ -152,7 +159,11 @@ def clear_segment_factors(tables: Modes) -> None:
 
 @inlined_without_refcounts
 def fill_product(matrix, y, product, width):
-    """Fill `product`, shape (width,), with y @ matrix; `matrix` has the shape (n, width)."""
+    """Fill `product`, shape (width,), with y @ matrix; `matrix` has the shape (n, width).
+
+    Four rows of the matrix are added at a time, so that `product` is read and written less often.
+    The last one to three rows follow one by one.
+    """
     i, n = 0, matrix.shape[0]
     for r in range(width):
         product[r] = 0.0
@@ -172,9 +183,9 @@ def fill_product(matrix, y, product, width):
 
 @inlined_without_refcounts
 def apply_stored_matrix(matrices, row, z, product):
-    """Fill `product`, shape (w,), with the product of a stored matrix and z.
+    """Fill `product`, shape (w,), with the product of a stored matrix and the vector z.
 
-    The matrix is ``matrices[row].T``; `matrices`, shape (c, n, w), is stored by columns.
+    ``matrices[row]``, of shape (n, w), holds the columns of this matrix as its rows.
     """
     fill_product(matrices[row], z, product, matrices.shape[2])
 
@@ -183,9 +194,10 @@ def apply_stored_matrix(matrices, row, z, product):
 def fill_mode_factors(tables, combination, t, factors):
     """Fill `factors`, shape (n,), with the factors by which modes change in a time t.
 
-    With the rate lambda of a mode they are the real and the imaginary part of exp(lambda t) for an
-    oscillating pair and exp(lambda t) for a real mode. `combination` is a row of `tables`
-    (`Modes`).
+    A mode with the complex rate lambda changes by exp(lambda t). An oscillating pair of modes takes
+    two entries, the real and the imaginary part; a real mode takes one. `tables.rates` has (growth,
+    angular frequency) of each mode, in the row `combination` for the present contacts of the
+    meshes.
     """
     pair_count = tables.pair_counts[combination]
     for k in range(pair_count):
@@ -198,10 +210,12 @@ def fill_mode_factors(tables, combination, t, factors):
 
 @inlined_without_refcounts
 def find_segment_factors(tables, combination, length_index, t):
-    """Return the row of ``tables.segment_factors`` with the mode factors over a whole segment.
+    """Return the row of ``tables.segment_factors`` with the mode factors over a segment.
 
-    The factors are computed at first use. `combination` is a row of `tables` (`Modes`); t is the
-    duration of the segment and `length_index` its index among the different durations.
+    A mode with the rate lambda changes by exp(lambda t) over a segment of constant stiffness of
+    duration t. `length_index` numbers the different durations. Factors are computed at first use
+    and kept. `combination` is the row of the mode tables `tables` (`Modes`) for the present
+    contacts.
     """
     if tables.segment_factor_rows[combination, length_index] < 0:
         row = tables.segment_factor_count[0]
@@ -213,16 +227,19 @@ def find_segment_factors(tables, combination, length_index, t):
 
 @inlined_without_refcounts
 def advance_modes(tables, combination, factors, t, y, term, image):
-    """Advance the modal state y, shape (n,) or longer, by the time t, in place.
+    """Advance a state y in modal coordinates, shape (n,) or longer, by the time t, in place.
 
-    `combination` is a row of `tables` (`Modes`), and `factors` comes from `fill_mode_factors` for
-    t; `term` and `image`, shape (n,), are overwritten.
+    First come the oscillating pairs and the real modes, which are multiplied by the `factors` that
+    `fill_mode_factors` computes for t. The slow components, such as rigid-body motions, come last;
+    they are coupled, and their power series is summed. `combination` is the row of the mode tables
+    `tables` for the present contacts. `term` and `image`, shape (n,), are overwritten.
     """
     pair_count = tables.pair_counts[combination]
     real_count = tables.real_counts[combination]
     n = tables.slow_matrix.shape[1]
     for k in range(pair_count):
         u, v, p, q = y[2 * k], y[2 * k + 1], factors[2 * k], factors[2 * k + 1]
+        # The product of the complex numbers u + i v and p + i q.
         y[2 * k], y[2 * k + 1] = p * u - q * v, q * u + p * v
     first_slow = 2 * pair_count + real_count
     for k in range(2 * pair_count, first_slow):
@@ -233,9 +250,11 @@ def advance_modes(tables, combination, factors, t, y, term, image):
 
 @inlined_without_refcounts
 def advance_modes_in_time(tables, combination, work, t, y):
-    """Advance the modal state y by the time t, in place.
+    """Advance a state y in modal coordinates by any time t, in place.
 
-    `combination` is a row of `tables` (`Modes`). Arrays of `work` (`RunStorage`) are overwritten.
+    The factors of the modes are computed for t. `combination` is the row of the mode tables
+    `tables` for the present contacts of the meshes. Arrays of `work` (`RunStorage`) are
+    overwritten.
     """
     fill_mode_factors(tables, combination, t, work.mode_factors)
     advance_modes(tables, combination, work.mode_factors, t, y, work.term, work.image)
@@ -243,13 +262,14 @@ def advance_modes_in_time(tables, combination, work, t, y):
 
 @kernel_without_refcounts
 def _advance_block(matrix, size, rate, t, y, term, image):
-    """Advance the slow components y, shape (size,), by the time t, in place.
+    """Advance the slow components y of a modal state, shape (size,), by the time t, in place.
 
-    The power series of exp(matrix * t) is summed, with `matrix` of shape (size, size) or larger.
-    The time is split into steps of at most 1 / `rate`, so that the series converges quickly. `term`
-    and `image`, shape (size,), are overwritten.
+    They obey y' = matrix @ y, with `matrix` of shape (size, size) or larger. The power series of
+    exp(matrix h) is summed in equal steps h of at most 1 / `rate`, where `rate` is the rate of the
+    fastest slow component, so that it converges quickly. `term` and `image`, (size,), are
+    overwritten.
     """
-    # A block of one component holds the constant, which does not change.
+    # A block of one component holds the constant 1 of the state, which does not change.
     steps = max(math.ceil(t * rate), 1.0) if size > 1 else 0.0
     h, step = t / max(steps, 1.0), 0.0
     while step < steps:

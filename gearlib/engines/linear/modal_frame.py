@@ -51,9 +51,10 @@ class Basis(NamedTuple):
 
 @cache
 def _bernstein_of_powers(degree):
-    """Return the Bernstein coefficients of the powers x^k on [-1, 1], (_TERM_COUNT, degree + 1).
+    """Return Bernstein coefficients of the powers x^k on [-1, 1], shape (_TERM_COUNT, degree + 1).
 
-    Powers above `degree` are replaced by their Chebyshev expansions, truncated after that degree.
+    Powers above `degree` are replaced by polynomials of this degree: their Chebyshev series, cut
+    off after the degree. Fractions keep all steps exact.
     """
     chebyshev = []  # Bernstein coefficients of T_0, T_1, ... on [-1, 1]
     for n in range(degree + 1):
@@ -72,6 +73,7 @@ def _bernstein_of_powers(degree):
     for k in range(_TERM_COUNT):
         power_coefficients = [Fraction(0)] * (degree + 1)
         for n in range(k % 2, min(k, degree) + 1, 2):
+            # x^k is a sum of the Chebyshev polynomials T_n whose n is even or odd like k.
             weight = Fraction(math.comb(k, (k - n) // 2), 2 ** (k - 1 if n else k))  # of T_n in x^k
             power_coefficients = [
                 value + weight * coefficients
@@ -91,13 +93,13 @@ class ModalFrame:
     """
 
     def __init__(self, frequencies, shapes, rigid, mass):
-        """Set up the transformation between the coordinates of a train and its modes.
+        """Set up the transformation between the coordinates of a train and its natural modes.
 
-        The columns of `shapes`, (n, r), are mass-normalised elastic modes with angular
-        `frequencies`, (r,), over the reference frequency. The columns of `rigid`, (n, n - r), are
-        rigid-body motions, and `mass`, (n, n), is the mass matrix, all dimensionless. A state has
-        modal displacements times their frequencies and modal velocities, then displacements and
-        velocities of the rigid-body motions.
+        The columns of `shapes`, (n, r), are the shapes of elastic modes, normalised by the mass
+        matrix `mass`, (n, n); `frequencies`, (r,), are their angular frequencies over a reference
+        frequency. The columns of `rigid`, (n, n - r), are rigid-body motions. A state of the frame
+        has four parts: modal displacements times their frequencies, modal velocities, displacements
+        and velocities of the rigid-body motions.
         """
         (n, r), rigid_count = shapes.shape, rigid.shape[1]
         #: Number of state components of the elastic modes, which come first.
@@ -123,7 +125,11 @@ class ModalFrame:
 
     @classmethod
     def for_mesh(cls, model: Any, system: TrainSystem) -> "ModalFrame":
-        """Return the frame of a model with one mesh, whose `TrainSystem` is `system`."""
+        """Return the frame (modal coordinates) of a model with one mesh and the system `system`.
+
+        The modes are those of permanent contact. The base matrix of the frame is the matrix A of
+        the equation of motion z' = A z without contact, in these coordinates.
+        """
         frame = cls(*model.contact_modes(system))
         size, elastic_size = len(frame.from_frame), frame.elastic_size
         mode_count = elastic_size // 2
@@ -138,7 +144,11 @@ class ModalFrame:
 
     @classmethod
     def for_train(cls, train: Any, system: TrainSystem) -> "ModalFrame":
-        """Return the frame of a `GearTrain` and its `TrainSystem`."""
+        """Return the frame (modal coordinates) of a `GearTrain` with the linear system `system`.
+
+        The modes are those of permanent contact with mean mesh stiffness. The base matrix of the
+        frame is the matrix A of z' = A z while no flanks touch, in these coordinates.
+        """
         stiffness_scale = train.stiffness_scale
         matrices = train.dimensionless_matrices(system.tuning)
         squared_frequencies, shapes = train.linear_modes
@@ -168,9 +178,11 @@ class ModalFrame:
         return frame
 
     def system_matrix(self, system: TrainSystem, effects: np.ndarray) -> np.ndarray:
-        """Return the matrix A, (2 N, 2 N), of a `TrainSystem` in the coordinates of the frame.
+        """Return the matrix A of the equation of motion z' = A z, (2 N, 2 N), in modal coordinates.
 
-        `effects`, int, shape (m,), has the number of the contact effect of each mesh.
+        `effects`, int, shape (m,), has a number for the contact and stiffness level of each mesh, 0
+        without contact. A mesh in contact adds to A the products of the force vectors in `system`,
+        a `TrainSystem`.
         """
         matrix, size = self.base_matrix.copy(), len(self.base_matrix)
         rigid_angles = slice(self.elastic_size, (self.elastic_size + size) // 2)
@@ -183,10 +195,11 @@ class ModalFrame:
         return matrix
 
     def basis_of(self, system: TrainSystem, effects: np.ndarray) -> Basis:
-        """Return the `Basis` for a combination of contact effects.
+        """Return the `Basis`, the modes of the motion, for a combination of contacts of all meshes.
 
-        `effects`, int, shape (m,), has the effect of each mesh. Combinations with equal matrices
-        share a basis.
+        `effects`, int, shape (m,), has a number for the contact and stiffness level of each mesh.
+        Combinations with equal matrices z' = A z share a basis. The frame keeps bases of earlier
+        calls and forgets all of them when there are too many.
         """
         matrix = np.empty_like(system.base_matrix)
         fill_system_matrix(system, effects, matrix)
@@ -200,19 +213,21 @@ class ModalFrame:
         return basis
 
     def _new_basis(self, system, effects, state_matrix):
-        """Compute the `Basis` for a combination of contact effects.
+        """Compute the `Basis`, the modes of the motion, for a combination of contacts.
 
-        `effects`, int, shape (m,), has the effect of each mesh, and `state_matrix`, (n, n), is
-        their matrix A. A state has 2 N displacements and velocities, which the frame transforms,
-        other driven components, the constant 1, then cosine and sine of each harmonic.
+        `effects`, int, (m,), has a number for the contact and stiffness level of each mesh, and
+        `state_matrix`, (n, n), is the matrix A of z' = A z. A state z has 2 N displacements and
+        velocities, which the frame transforms, other driven components, the constant 1, cosine and
+        sine of each harmonic. In the basis, fast modes come first and are decoupled; slow motions
+        follow in a block.
         """
         n, n_moving, mode_count = len(state_matrix), len(self.from_frame), self.elastic_size // 2
         matrix, from_basis, to_basis = np.zeros((n, n)), np.eye(n), np.eye(n)
         matrix[:n_moving, :n_moving] = self.system_matrix(system, effects)
         matrix[:n_moving, n_moving:] = self.to_frame @ state_matrix[:n_moving, n_moving:]
         matrix[n_moving:, n_moving:] = state_matrix[n_moving:, n_moving:]
-        # The constant and the harmonics are scaled by the largest force, over frequency, that they
-        # cause.
+        # The constant and the harmonics are scaled by the largest modal force over frequency that
+        # they cause, so that all components have a similar size.
         frequencies = self.base_matrix[range(mode_count), range(mode_count, 2 * mode_count)]
         forces = matrix[mode_count : 2 * mode_count, n_moving:] / frequencies[:, None]
         deflections = self.from_frame[: n_moving // 2, :mode_count] @ forces
@@ -227,6 +242,7 @@ class ModalFrame:
         block = p_inverse[n_fast:] @ matrix @ p[:, n_fast:]
         distances = np.stack([system.coast_lines, system.drive_lines])
         rows = (distances @ from_basis).reshape(-1, n)
+        # Among the slow motions the constant comes last, after those that affect no flank distance.
         rotation, unobserved_count = _slow_coordinates(
             rows[:, n_fast:], block, from_basis[constant, n_fast:], np.abs(rows).max()
         )
@@ -235,6 +251,7 @@ class ModalFrame:
         to_basis[n_fast:] = rotation_inverse @ to_basis[n_fast:]
         block = rotation_inverse @ block
         block, observed_end = block @ rotation, n - 1 - unobserved_count
+        # Large deflections amplify the rounding errors of the basis.
         if np.abs(deflections).max(initial=0.0) > _MAX_UNREFINED_DEFLECTION:
             from_basis, to_basis, rates, block = _refined_basis(
                 state_matrix, from_basis, to_basis, rates, n_pairs, block
@@ -252,11 +269,11 @@ class ModalFrame:
 def _separate_modes(matrix):
     """Return (eigenvalues, number of oscillating pairs, P, inverse of P) of a matrix, (n, n).
 
-    P block-diagonalises the matrix. Its columns are the real and the negative imaginary part of
-    each oscillating pair, the real modes, and a basis of the slow motions, orthogonal to the left
-    eigenvectors of the fast modes. The slowest modes, which include defective ones, are moved to
-    the slow motions one by one until P is well conditioned. The eigenvalues belong to one mode of
-    each pair and to the real modes.
+    The columns of P block-diagonalise the matrix: real and negative imaginary part of each
+    oscillating pair of eigenvectors, then real eigenvectors, then a basis of the slow motions,
+    which remain coupled. The modes with the smallest rates, and modes near critical damping, make P
+    ill-conditioned, so that the slowest modes become slow motions one by one until it is
+    well-conditioned. There is one eigenvalue for each pair and for each real mode.
     """
     rates, left, right = scipy.linalg.eig(matrix, left=True, right=True)
     n, order = len(matrix), np.argsort(np.abs(rates), kind="stable")
@@ -267,6 +284,7 @@ def _separate_modes(matrix):
             continue  # The two modes of a pair stay together.
         pairs, real = fast[rates[fast].imag > 0.0], fast[rates[fast].imag == 0.0]
         left_modes = np.hstack([left[:, pairs].real, left[:, pairs].imag, left[:, real].real])
+        # The slow motions are orthogonal to the left eigenvectors of the fast modes.
         slow_motions = (
             scipy.linalg.null_space(left_modes.T, rcond=1e-13) if fast.size else np.eye(n)
         )
@@ -282,11 +300,12 @@ def _separate_modes(matrix):
 
 
 def _slow_components(matrix, rates, modes, slow_motions):
-    """Return the components of slow motions that rounding has left in computed eigenvectors.
+    """Return the parts of slow motions that rounding has left in computed eigenvectors, (s, k).
 
     The columns of `modes`, (n, k), are eigenvectors of `matrix`, (n, n), with the complex
-    eigenvalues `rates`, (k,). The columns of `slow_motions`, (n, s), are orthonormal. The result
-    has the shape (s, k).
+    eigenvalues `rates`, (k,). The orthonormal columns of `slow_motions`, (n, s), span the other
+    motions. An exact eigenvector leaves no residual there; the parts to be subtracted follow from
+    the residual.
     """
     block = slow_motions.T @ matrix @ slow_motions
     residuals = (slow_motions.T @ (matrix @ modes - modes * rates)).T[..., None]
@@ -294,18 +313,19 @@ def _slow_components(matrix, rates, modes, slow_motions):
     try:
         return np.linalg.solve(difference, residuals)[..., 0].T
     except np.linalg.LinAlgError:
-        # A mode with the rate of a slow motion needs no correction within their common subspace.
+        # A mode with the same rate as a slow motion makes the equations singular. In the subspace
+        # that both span no correction is needed, and the pseudo-inverse leaves it out.
         return (np.linalg.pinv(difference, 1e-6) @ residuals)[..., 0].T
 
 
 def _refined_basis(matrix, from_basis, to_basis, rates, n_pairs, block):
-    """Return (from_basis, to_basis, rates, block) after a Newton step with long double residuals.
+    """Return (from_basis, to_basis, rates, block) after a Newton step in long double precision.
 
     The arguments describe a `Basis` of `matrix`, A, shape (n, n): `from_basis`, P, has modes as
-    columns, `to_basis` is its inverse, `rates` has one eigenvalue for each of the `n_pairs`
-    oscillating pairs and one for each real mode, and `block`, shape (s, s), is the matrix of the
-    slow motions. M is the block-diagonal matrix of these eigenvalues and this block. With the
-    residual R = P^-1 A P - M the new basis is P + P X, where X M - M X = R off the diagonal blocks.
+    columns, `to_basis` is its inverse, `rates` has an eigenvalue for each of the `n_pairs`
+    oscillating pairs and for each real mode, and `block`, (s, s), is the matrix of the slow
+    motions. M is the block-diagonal matrix of these eigenvalues and this block. With the residual R
+    = P^-1 A P - M the new basis is P + P X, where X M - M X = R off the diagonal blocks.
     """
     n, n_fast = len(matrix), n_pairs + rates.size
     a, p, p_inverse = (x.astype(np.longdouble) for x in (matrix, from_basis, to_basis))
@@ -345,12 +365,13 @@ def _refined_basis(matrix, from_basis, to_basis, rates, n_pairs, block):
 
 
 def _slow_coordinates(rows, block, constant_row, distance_scale):
-    """Return (basis of s slow motions as columns, shape (s, s), number of unobservable motions).
+    """Return new coordinates of s slow motions: (motions as columns, (s, s), unobservable motions).
 
-    The last column is the constant motion, whose product with `constant_row`, (s,), is 1. The
-    unobservable motions come before it: they have no influence on any distance. The k distances are
-    `rows`, (k, s), times the slow motions, and `block`, (s, s), times the slow motions is their
-    derivative. `distance_scale` is the largest coefficient of a distance in all motions.
+    The last column is the constant motion, whose product with `constant_row`, (s,), is 1. Before it
+    come the unobservable motions, whose number is returned: they never influence a flank distance
+    of a mesh. The k distances are `rows`, (k, s), times the slow motions, and the derivative of the
+    motions is `block`, (s, s), times the motions. `distance_scale`, the largest coefficient of a
+    distance, scales the tolerance.
     """
     constant_norm = np.linalg.norm(constant_row)
     complement = scipy.linalg.null_space(constant_row[None])
@@ -377,10 +398,11 @@ def _slow_coordinates(rows, block, constant_row, distance_scale):
 
 
 def add_modes(tables: Modes, system: TrainSystem, frame: ModalFrame, effects: np.ndarray) -> int:
-    """Add the modes of a combination of contact effects to mode tables and return its row.
+    """Add the modes of a combination of contacts to the mode tables and return their row.
 
-    `effects`, int, shape (m,), has the effect of each mesh, and `frame` is the `ModalFrame` of the
-    `TrainSystem`. Full tables are emptied first.
+    `effects`, int, shape (m,), has a number for the contact and stiffness level of each mesh in the
+    `TrainSystem` `system`; `frame` gives modal coordinates. If the tables are full, they are
+    emptied first.
     """
     if tables.combination_count[0] == len(tables.keys):
         clear_tables(tables)
@@ -397,18 +419,20 @@ def add_modes(tables: Modes, system: TrainSystem, frame: ModalFrame, effects: np
 
 
 def _fill_distance_tables(tables, combination, rates, n_pairs, block, rows):
-    """Fill a row of mode tables with the polynomials and the bounds of the distances.
+    """Fill a row of the mode tables with polynomials and bounds of all flank distances.
 
-    `combination` is the row of `tables` (`Modes`). `rates` has one complex eigenvalue for each of
-    the `n_pairs` oscillating pairs and one for each real mode. `block`, (s, s), is the matrix of
-    the s slow motions, which come after the modes, the constant last. `rows`, (2, m, n), has the
-    row vectors of the coast-side and drive-side distances in these coordinates.
+    `combination` is the row of `tables` (`Modes`). `rates` has a complex eigenvalue for each of the
+    `n_pairs` oscillating pairs and for each real mode. After these, the s slow motions obey y' =
+    `block` y, shape (s, s), with the constant 1 last. `rows`, (2, m, n), are row vectors: a product
+    with the modal state y is the distance of a mesh from its coast-side (0) or drive-side (1) line.
     """
     pair_components, n_fast = 2 * n_pairs, n_pairs + rates.size
     degree = tables.curves.shape[4] - 1
-    # The 16th root of the norm of the 16th power does not depend on the scales of components.
+    # The 16th root of the norm of the 16th power estimates the largest rate; unlike the norm of the
+    # block it hardly depends on the scales of components.
     slow_rate = np.linalg.norm(np.linalg.matrix_power(block, 16)) ** (1.0 / 16.0)
-    # The 1.0 limits pieces of slow motions to about a period of the reference mode.
+    # The polynomials hold for a time in which the fastest motion changes little enough. The 1.0
+    # limits this time to about a period of the reference mode.
     fastest_rate = max(np.abs(rates).max(initial=0.0), slow_rate, 1.0)
     half_length = 0.5 * MAX_PIECE_RATES[degree] / fastest_rate
     power_curves = _bernstein_of_powers(degree)

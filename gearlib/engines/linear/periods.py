@@ -50,13 +50,15 @@ EVENT_COLUMNS = orbit.EVENT_COLUMNS + 1
 
 @inlined_without_refcounts
 def _cross_flank_line(system, constants, work, j, segment, vectors):
-    """Change the contact of mesh j in `work` (`RunStorage`), which has reached a flank line.
+    """Change the contact of mesh j, which has reached a flank line, in `work` (`RunStorage`).
 
-    Small perturbations of the state, `vectors`, shape (k, n or more), are multiplied by the
-    saltation matrix. `segment` is the index of the present stiffness segment in the `TrainSystem`
-    `system`; `constants` (`RunConstants`) holds the rates of the distances from flank lines.
+    The flank line is the displacement at which the flanks touch. Small perturbations of the state,
+    the rows of `vectors`, shape (k, n or more), jump: they are multiplied by the saltation matrix.
+    `segment` is the index of the present segment of constant stiffness in the `TrainSystem`
+    `system`; `constants` (`RunConstants`) hold the rates of the flank distances.
     """
     n = system.drive_lines.shape[1]
+    # Only at the drive-side line is the contact before or after on the drive side.
     line = 1 if DRIVE in (work.contact[j], work.contact_after[j]) else -1
     work.start_line[j] = line
     if vectors.shape[0] > 0:
@@ -69,6 +71,7 @@ def _cross_flank_line(system, constants, work, j, segment, vectors):
         effect_after = system.effect[work.contact_after[j] + 1, segment, j]
         for r in range(n):
             work.term[r] = 0.0
+        # The jump of dz/dtheta by both forces of the mesh, the mesh force and the friction.
         for k in range(2):
             force_after, force_before = 0.0, 0.0
             for r in range(n):
@@ -81,6 +84,7 @@ def _cross_flank_line(system, constants, work, j, segment, vectors):
                 )
         # The saltation matrix of a tangential crossing is the identity: no force jumps.
         for i in range(vectors.shape[0] if speed != 0.0 else 0):
+            # A perturbed motion reaches the line earlier by the time (distance / speed).
             time_shift = 0.0
             for r in range(n):
                 time_shift += lines[j, r] * vectors[i, r]
@@ -94,9 +98,11 @@ def _cross_flank_line(system, constants, work, j, segment, vectors):
 
 @kernel_without_refcounts
 def sort_last_event(events, row, first_row):
-    """Sort the last event of a table, in `row`, among events at the same phase by mesh number.
+    """Move the last event of an event table up among events at the same phase, by mesh number.
 
-    `events` has the columns EVENT_*; `first_row` is the first row to which the event may move.
+    The event stands in `row`, and it moves at most to `first_row`, the first row of the mesh
+    period. So the order of simultaneous events does not depend on the order in which they were
+    found. The columns of `events` are EVENT_PHASE, EVENT_MESH and others.
     """
     while (
         row > first_row

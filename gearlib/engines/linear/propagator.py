@@ -51,10 +51,13 @@ _MAX_RATE = 20_000.0
 def _check_rates(model: Any, system: TrainSystem) -> None:
     """Raise ValueError if a model is so stiff that each mesh period would take minutes to compute.
 
-    The rate of its fastest motion follows from `max_step` of its `TrainSystem` `system`.
+    The model is a gear train or a model with one mesh. The matrix norm |A| times
+    ``system.max_step`` of its linear system z' = A z is `matrices.MAX_NORM`, which gives the rate
+    of the fastest motion.
     """
     fastest_harmonic = np.abs(system.harmonics * system.tuning).max(initial=1.0)
     rate = matrices.MAX_NORM / system.max_step
+    # A model with one coordinate (size 2) has no shafts or supports that could be too stiff.
     if model.size > 2 and rate > _MAX_RATE * fastest_harmonic:
         raise ValueError(
             "support_stiffness, shaft_stiffness or damping of this model is not allowed in a run: "
@@ -74,12 +77,14 @@ class Propagator(Base):
     chunk_size = 1
 
     def __init__(self, model, tuning, other=None):
-        """Build the system of a model at a tuning.
+        """Build the linear system of a model at a tuning (mesh frequency over natural frequency).
 
-        `other` is a propagator of the same model at another tuning, whose tables are reused, or
-        None.
+        `other` is a propagator of the same model at another tuning, whose mode tables are reused,
+        or None.
         """
         super().__init__(model, tuning)
+        # With run-out the excitation repeats only after `repeats` mesh periods. If these are many,
+        # their segments of constant stiffness are computed part by part during a run.
         self.long_run_out = model.repeats > _PERIODS_AT_A_TIME and hasattr(model, "segments_of")
         period_range = (0, _PERIODS_AT_A_TIME) if self.long_run_out else ()
         #: The system; it has only the first segments of a long run-out, see `complete_system`.
@@ -96,14 +101,17 @@ class Propagator(Base):
         self.unused_large_tables: list[tuple] = other.unused_large_tables if other else []
 
     def take_tables(self):
-        """Return mode tables for a run.
+        """Return tables for the modes of a run: tables of an earlier run if possible, or new ones.
 
-        Tables of an earlier run are reused where they are still valid; otherwise new tables are
-        allocated.
+        Modes in them remain if the matrices of the system are the same as in the earlier run;
+        otherwise the tables are emptied. Factors of modes over segments are also emptied if the
+        tuning has changed.
         """
+        # m meshes, n components of a state.
         (m, n), system = self.system.drive_lines.shape, self.system
         length_count = min(int(self.constants.length_index.max()) + 1, MAX_SEGMENT_LENGTHS)
         combinations = combination_count(system)
+        # Tables come with the system for which they were filled.
         try:
             table_system, tables = (self.unused_large_tables or self.unused_tables).pop()
         except IndexError:
@@ -122,7 +130,11 @@ class Propagator(Base):
     create_frame = ModalFrame.for_train
 
     def find_frame(self) -> ModalFrame:
-        """Return the `ModalFrame` of the model; the model keeps it if it holds at all tunings."""
+        """Return the `ModalFrame`, the modal coordinates of the model, which the model keeps.
+
+        If the matrices depend on the tuning, it belongs to this propagator only and the model does
+        not keep it.
+        """
         if self.depends_on_tuning:
             return self.create_frame(self.model, self.system)
         attributes = vars(self.model)
@@ -136,18 +148,24 @@ class Propagator(Base):
         return self.model.gyroscopic
 
     def complete_system(self):
-        """Return the `TrainSystem` and its `RunConstants` with the segments of all mesh periods."""
+        """Return (`TrainSystem`, `RunConstants`) with the stiffness segments of all mesh periods.
+
+        If the excitation repeats only after many mesh periods, `self.system` holds only the first
+        ones.
+        """
         if not self.long_run_out:
             return self.system, self.constants
         system = self.model.system(self.tuning)
         return system, run_constants(system)
 
     def next_segments(self, first_period, periods_done, period_counts):
-        """Return (system, constants, end): the segments of a run up to its mesh period `end`.
+        """Return (system, constants, end): stiffness segments of a run up to mesh period `end`.
 
-        The run began in mesh period `first_period` of the excitation, `periods_done` mesh periods
-        ago; `period_counts` are its numbers of all and of recorded mesh periods. All recorded
-        periods share one `TrainSystem`, because samples hold its segment numbers.
+        The run began `periods_done` mesh periods ago in mesh period `first_period` of the
+        excitation, and `period_counts` are its numbers of all and of recorded mesh periods. If the
+        excitation repeats only after many mesh periods, segments are provided in parts. All
+        recorded periods form one part, because samples refer to the segments by their numbers in
+        one `TrainSystem`.
         """
         periods, unrecorded = period_counts[0], period_counts[0] - period_counts[1]
         if not self.long_run_out:
@@ -240,12 +258,16 @@ class Propagator(Base):
         return np.empty((count, n + m + 1))
 
     def fill_record(self, z, span, samples, events, summary, first_period):
-        """Run from the state z, fill the tables and return the `Record`; see `Base.fill_record`.
+        """Run from the state z, fill the tables and return the `Record`; z becomes the final state.
 
-        The tables come from `GearTrain.empty_record`.
+        `span` has the numbers of all and of recorded mesh periods and the largest number of events
+        in one. The run begins in mesh period `first_period` of the excitation.
+        `GearTrain.empty_record` returns the empty tables: `samples`, `events` and, with a row for
+        each mesh, `summary` (extrema and contact times).
         """
         raw = self.empty_raw_samples(len(samples))
         arguments = events, span.max_events, summary, span[:2]
+        # The kernel records raw samples: states, contact codes and segments.
         result = self.run_system(z, raw, *arguments, first_period=first_period)
         period, events, event_count, status, system = result
         if status == OK and len(samples):
@@ -253,28 +275,34 @@ class Propagator(Base):
         return Record(z, z, period, samples, events[:event_count], summary, status)
 
     def fill_samples(self, raw: np.ndarray, samples: np.ndarray, system: TrainSystem) -> None:
-        """Fill `samples`, shape (k, 6 m + N), from the raw samples of a run.
+        """Fill `samples`, shape (k, 6 m + N): six columns for each of m meshes, then N coordinates.
 
-        They hold six columns for each of m meshes, then N coordinates. The columns of `raw`, shape
-        (k, n + m + 1), are the state, the contact codes, and the segment of the `TrainSystem`
-        `system`.
+        The six columns are displacement, velocity, acceleration, contact code, stiffness and mesh
+        force. The columns of `raw`, shape (k, n + m + 1), are the state, the contact codes of the
+        meshes, and the index of the stiffness segment in the `TrainSystem` `system`.
         """
         m, count = len(self.system.drive_lines), orbit.SAMPLE_COLUMNS
         self.fill_mesh_samples(raw, samples[:, : m * count].reshape(-1, m, count), system)
         samples[:, m * count :] = raw[:, : self.model.size // 2]
 
     def fill_mesh_samples(self, raw: np.ndarray, columns: np.ndarray, system: TrainSystem) -> None:
-        """Fill the samples of m meshes, `columns`, shape (k, m, 6), from the raw samples of a run.
+        """Fill the sample columns of m meshes, `columns`, shape (k, m, 6), from raw samples.
 
-        See `fill_samples` for `raw` and `system`.
+        The columns are displacement, velocity, acceleration, contact code, stiffness and mesh
+        force. Those of `raw`, (k, n + m + 1), are the state z, the contact codes (1, 0, -1), and
+        the index of the stiffness segment in the `TrainSystem` `system`.
         """
         nu = system.tuning
         m, n = system.drive_lines.shape
         state, code, segment = raw[:, :n], raw[:, n : n + m].astype(int), raw[:, -1].astype(int)
+        # The effect numbers the contact and stiffness level of a mesh; code + 1 is an index from 0
+        # to 2.
         effect = np.take_along_axis(system.effect[:, segment, :], code[None] + 1, axis=0)[0]
         meshes = np.arange(m)
+        # dz/dtheta: the part without contact, to which the loop adds the forces of all meshes.
         rate = state @ system.base_matrix.T
-        # The force vectors of all samples at once would take gigabytes.
+        # The samples are taken in parts, since the force vectors of all of them would take
+        # gigabytes.
         for i in range(0, len(raw), _SAMPLES_AT_A_TIME):
             rows = slice(i, i + _SAMPLES_AT_A_TIME)
             matrices = system.force_output[meshes, effect[rows]]
@@ -294,15 +322,18 @@ class Propagator(Base):
         columns[..., orbit.SAMPLE_FORCE] = stiffness * distance
 
     def fill_maps(self, z, periods, max_events, maps, first_period):
-        """Fill the derivatives of the period maps of a run from z and return its status.
+        """Fill the period maps of a run from the state z, and return the status of the run.
 
-        z becomes the final state. `maps` has the shape (periods, 2 N, 2 N). The run begins in mesh
-        period `first_period` of the excitation and has at most `max_events` events in each period.
+        A period map is the derivative of the state after a mesh period with respect to the state
+        before it; `maps` has the shape (periods, 2 N, 2 N). z becomes the final state. The run
+        begins in mesh period `first_period` of the excitation, and each period has at most
+        `max_events` events.
         """
         tables = self.empty_raw_samples(0), np.empty((0, EVENT_COLUMNS)), max_events
         summary = np.empty((len(self.system.drive_lines), orbit.SUMMARY_COLUMNS))
         status = self.run_system(z, *tables, summary, (periods, 0), maps, first_period)[3]
-        # The kernel computes maps for velocities by theta.
+        # The kernel has computed the maps for velocities by theta (dimensionless time); here
+        # velocities are derivatives by mesh phase.
         maps *= self.scale[None, :] / self.scale[:, None]
         return status
 
@@ -314,10 +345,14 @@ class SingleMeshPropagator(Propagator):
     create_frame = ModalFrame.for_mesh
 
     def __init__(self, model, tuning, other=None):
-        """Build the system of a model at a tuning; see `Propagator` for `other`."""
+        """Build the linear system of a model with one mesh at a tuning (mesh / natural frequency).
+
+        `other` is a propagator of the same model at another tuning, whose mode tables are reused,
+        or None.
+        """
         super().__init__(model, tuning, other)
         self.pieces = 0
-        # Kernels count displacements from the drive-side flank line.
+        # Displacement at which the drive-side flanks touch; kernels count displacements from there.
         self.drive_line = model.flank_lines[0]
         #: Displacement and dx/dtau of the mesh less displacement and dx/dtau of the coordinate, at
         #: the start of a mesh period: the deviation of the flanks from the involute there.
@@ -331,13 +366,23 @@ class SingleMeshPropagator(Propagator):
             self.flank_deviation[1] = rate[cosines].sum() / self.system.tuning
 
     def initial_state(self, state):
-        """Return the state z, shape (2 N,), for a `state` of the mesh, (2,), or a state z."""
+        """Return the state z, shape (2 N,), for a `state` of the mesh, shape (2,), or of the model.
+
+        A state of the mesh is (displacement, dx/dtau); the model finds coordinates for it. A
+        `state` with all 2 N components of a model of several coordinates is returned as it is.
+        """
         if len(state) == self.model.size > 2:
             return np.array(state, float)
         return self.model.full_state(self.system, state)[: self.model.size]
 
     def fill_record(self, z, span, samples, events, summary, first_period):
-        """Run from the state z, (2 N,), fill the tables and return the `Record`; see `Base`."""
+        """Run from the state z, (2 N,), fill the tables and return the `Record` of the run.
+
+        z becomes the final state. `span` has the numbers of all and of recorded mesh periods and
+        the largest number of events in one; the run begins in mesh period `first_period` of the
+        excitation. The tables are `samples`, `events` and `summary`, the extrema and contact times.
+        """
+        # The coordinates of the kernel leave out the deviation of the flanks from the involute.
         z -= self.flank_deviation
         raw = self.empty_raw_samples(len(samples))
         event_rows = np.empty((len(events), EVENT_COLUMNS))
@@ -359,16 +404,23 @@ class SingleMeshPropagator(Propagator):
         return Record(z, np.array([x, v]), period, samples, events, summary, status)
 
     def fill_maps(self, z, *arguments):
-        """Fill the derivatives of the period maps of a run from z; see `Propagator.fill_maps`."""
+        """Fill the period maps of a run from the state z, and return the status of the run.
+
+        The `arguments` are those of `Propagator.fill_maps`: numbers of mesh periods and events, the
+        table and the first mesh period. The kernel leaves out the deviation of the flanks from the
+        involute.
+        """
         z -= self.flank_deviation
         status = super().fill_maps(z, *arguments)
         z += self.flank_deviation
         return status
 
     def fill_samples(self, raw, samples, system):
-        """Fill `samples`, (k, 6 + e), with mesh samples and e outputs of the model, from `raw`.
+        """Fill `samples`, (k, 6 + e): six columns of the mesh, e output variables of the model.
 
-        See `Propagator.fill_samples` for `raw` and `system`.
+        The six columns are displacement, velocity, acceleration, contact code, stiffness and mesh
+        force. Those of `raw`, (k, n + 2), are the state z, the contact code (1, 0, -1), and the
+        index of the stiffness segment in the `TrainSystem` `system`.
         """
         n, count = self.components, orbit.SAMPLE_COLUMNS
         self.fill_mesh_samples(raw, samples[:, :count].reshape(-1, 1, count), system)

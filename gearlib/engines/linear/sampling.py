@@ -20,17 +20,19 @@ from gearlib.engines.polynomial import bernstein_maximum
 
 @kernel_without_refcounts
 def _add_extrema(curve, is_displacement, stiffness, work, row):
-    """Update the extrema in the summary `row` of a mesh by a distance from a flank line.
+    """Update the extrema of displacement and force of a mesh, in `row`, by a polynomial on [0, 1].
 
-    `curve` has the Bernstein coefficients of the distance. If `is_displacement`, the distance is
-    the displacement of the mesh. If `stiffness` is positive, it times the distance is the mesh
-    force. `work` is the `RunStorage` in which the polynomial is searched.
+    `curve` holds the Bernstein coefficients of the mesh's distance from a flank line. If
+    `is_displacement`, this distance is the displacement of the mesh. If `stiffness` is positive,
+    the distance times the stiffness is the mesh force. `work` (`RunStorage`) has the storage of the
+    search.
     """
     degree = curve.shape[0] - 1
     for sign, displacement_column, force_column in (
         (1.0, orbit.X_MAX, orbit.FORCE_MAX),
         (-1.0, orbit.X_MIN, orbit.FORCE_MIN),
     ):
+        # Extrema above this bound are new. Minima are treated as maxima of the negative curve.
         lower_bound = sign * row[displacement_column] if is_displacement else math.inf
         largest = -math.inf
         if stiffness > 0.0:
@@ -52,8 +54,9 @@ def _add_extrema(curve, is_displacement, stiffness, work, row):
 def _fill_distance(tables, combination, side, j, work):
     """Fill `work.curve` with the Bernstein coefficients of mesh j's distance from a flank line.
 
-    `combination` is a row of `tables` (`Modes`) for the modal state ``work.mode_buffer``, or SERIES
-    for the series ``work.distance_series``; `side` is 0 for the coast and 1 for the drive side.
+    `side` is 0 for the coast and 1 for the drive side. `combination` is the row of the mode tables
+    `tables` for the present contacts, and the modal state is ``work.mode_buffer``; if it is SERIES,
+    the distance is given by its Taylor series, ``work.distance_series``.
     """
     if combination == SERIES:
         fill_curve(work.to_bernstein, work.distance_series[side, j], work.curve)
@@ -65,9 +68,11 @@ def _fill_distance(tables, combination, side, j, work):
 def _extrema_stay_within_summary(system, tables, combination, work, segment, summary, mode_count):
     """Return whether all meshes provably stay within their extrema until a contact changes.
 
-    `summary` holds the extrema, with a row for each mesh. `combination` is a row of `tables`
-    (`Modes`), `segment` the index of a stiffness segment of the `TrainSystem` `system`, and
-    `mode_count` the number of mode amplitudes in `work` (`RunStorage`).
+    `summary` has a row of extrema for each mesh. The distances from the flank lines lie between
+    their constant part and plus or minus the sum of the amplitudes of the modes, of which there are
+    `mode_count` in `work` (`RunStorage`). `combination` is the row of the mode tables `tables` for
+    the present contacts, and `segment` the index of the stiffness segment in the `TrainSystem`
+    `system`.
     """
     for j in range(work.contact.shape[0]):
         row, code = summary[j], work.contact[j]
@@ -91,8 +96,10 @@ def _extrema_stay_within_summary(system, tables, combination, work, segment, sum
 def _distance_integral(tables, combination, side, j, start, end, t):
     """Return the integral over the time t of mesh j's distance from a flank line.
 
-    `start` and `end` are the modal states at the ends of this time, and `combination` is a row of
-    `tables` (`Modes`); `side` is 0 for the coast and 1 for the drive side.
+    `side` is 0 for the coast and 1 for the drive side. `start` and `end` are the states in modal
+    coordinates at the ends of this time; `combination` is the row of the mode tables `tables` for
+    the present contacts. Each mode is exponential, so that its integral is its change over its
+    rate.
     """
     pair_count = tables.pair_counts[combination]
     total = tables.constant_distance[combination, side, j] * t
@@ -100,7 +107,7 @@ def _distance_integral(tables, combination, side, j, start, end, t):
     # The first coefficient of a curve is the component of a mode in the distance.
     curves = tables.curves[combination, side, j]
     for k in range(pair_count):
-        # The integral of a mode is its change over its complex rate.
+        # The pair u + i v is divided by its complex rate, growth + i frequency.
         growth, frequency = rates[k, 0], rates[k, 1]
         u, v = end[2 * k] - start[2 * k], end[2 * k + 1] - start[2 * k + 1]
         p, q = growth * u + frequency * v, growth * v - frequency * u
