@@ -42,11 +42,12 @@ class LinearModes(NamedTuple):
 
 
 def free_motions_and_modes(springs: Elements, masses: Elements) -> LinearModes:
-    """Return the free motions and natural modes of a system of springs and masses.
+    """Return the rigid-body motions and natural modes of a system of springs and masses.
 
-    Both arguments are pairs (rows, values): the elongation of spring i, or the velocity of mass i,
-    is rows[i] times the n coordinates or their rates, rows of shape (s, n), and values[i] is its
-    stiffness in N/m or its mass in kg.
+    `springs` and `masses` are pairs (rows, values). Row i of `rows`, shape (s, n), maps the n
+    coordinates to the elongation of spring i, or their rates to the velocity of mass i; values[i]
+    is its stiffness in N/m or its mass in kg. Rigid-body ("free") motions are those that no spring
+    resists. The result is a `LinearModes`.
     """
     spring_rows, stiffness, is_significant = _without_negligible(springs, _MIN_RELATIVE_STIFFNESS)
     free_motions = _null_space(spring_rows)
@@ -54,7 +55,8 @@ def free_motions_and_modes(springs: Elements, masses: Elements) -> LinearModes:
     rank = coordinate_count - free_count
     mass_rows, mass_values, _ = _without_negligible(masses, 0.0)
     weighted_rows = np.sqrt(mass_values)[:, None] * mass_rows
-    # The coordinates z with q = root z have unit mass.
+    # In the coordinates z with q = root z the mass matrix is the identity, so that the singular
+    # values of the weighted springs are the natural frequencies.
     root = np.empty((coordinate_count, coordinate_count))
     triangle, order = qr(weighted_rows, mode="r", pivoting=True)
     root[order] = solve_triangular(triangle[:coordinate_count], np.eye(coordinate_count))
@@ -76,11 +78,12 @@ def free_motions_and_modes(springs: Elements, masses: Elements) -> LinearModes:
 
 
 def _without_negligible(elements, min_fraction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the springs or masses that are not negligible as (rows, values, mask).
+    """Leave out negligible springs or masses; return the others as (rows, values, mask).
 
-    `elements` is a pair (rows, values) as in `free_motions_and_modes`. An element is negligible if
-    it is at most `min_fraction` times the largest one; `mask`, shape (s,), is True for the others.
-    Entries of a row that should be 0 are set to 0.
+    `elements` is the pair (row vectors of shape (s, n), s stiffnesses or masses). An element is
+    left out if its value, times its squared row, is at most `min_fraction` of the largest such
+    product. `mask`, shape (s,), is True for the elements that are kept. Entries of a row that
+    differ from 0 only by rounding are set to 0.
     """
     rows, values = elements
     sizes = np.abs(rows)
@@ -92,11 +95,12 @@ def _without_negligible(elements, min_fraction) -> tuple[np.ndarray, np.ndarray,
 
 
 def _complete_pivoting(matrix, max_pivots, min_pivot=0.0):
-    """Factor a matrix by elimination with complete pivoting.
+    """Factor a matrix by Gaussian elimination with complete pivoting.
 
-    The elimination stops after `max_pivots` pivots, or when no larger pivot than `min_pivot` is
-    left. Returns (left, pivots, right, columns) with matrix = left diag(pivots) right up to the
-    remainder; `columns` lists the column of each pivot. No entry of left and right exceeds 1.
+    Each pivot is the largest remaining entry. The elimination stops after `max_pivots` pivots, or
+    when no remaining entry is larger than `min_pivot`. Returns (left, pivots, right, columns): the
+    matrix equals left @ diag(pivots) @ right up to the remaining entries, and `columns` lists the
+    column index of each pivot. No entry of `left` and `right` exceeds 1.
     """
     remaining = matrix.copy()
     left, pivots, right, columns = [], [], [], []
@@ -108,6 +112,7 @@ def _complete_pivoting(matrix, max_pivots, min_pivot=0.0):
         left.append(remaining[:, j] / pivot)
         right.append(remaining[i] / pivot)
         remaining = remaining - np.outer(left[-1], remaining[i])
+        # These entries are 0 up to rounding; set them exactly, so that they are never pivots again.
         remaining[i], remaining[:, j] = 0.0, 0.0
         pivots.append(pivot)
         columns.append(int(j))
@@ -117,7 +122,12 @@ def _complete_pivoting(matrix, max_pivots, min_pivot=0.0):
 
 
 def _null_space(rows: np.ndarray) -> np.ndarray:
-    """Return a basis of the null space of `rows`, (s, n), as the columns of an (n, k) array."""
+    """Return a basis of the null space of `rows`, shape (s, n), as the columns of an (n, k) array.
+
+    Rows and columns are first scaled by powers of 2, which is exact, until their largest entries
+    are of similar size; then one threshold separates pivots from rounding errors. Each column
+    without a pivot belongs to one vector of the basis.
+    """
     n = rows.shape[1]
     scaled, weights = rows.copy(), np.ones(n)
     for _ in range(_SCALING_PASSES):
@@ -131,25 +141,30 @@ def _null_space(rows: np.ndarray) -> np.ndarray:
     _, _, right, pivot_columns = _complete_pivoting(scaled, n, _MIN_PIVOT)
     free_columns = [j for j in range(n) if j not in pivot_columns]
     basis = np.eye(n)[:, free_columns]
-    # In back substitution basis[j] is still 0 when its pivot row is multiplied by the basis.
+    # Back substitution: `pivot_row` is 1 in column j, and basis[j] is still 0 when the row is
+    # multiplied by the basis.
     for pivot_row, j in zip(right[::-1], pivot_columns[::-1], strict=True):
         basis[j] = -(pivot_row @ basis)
+    # Undo the scaling of the columns.
     return weights[:, None] * basis
 
 
 def _balancing_powers(sizes: np.ndarray) -> np.ndarray:
-    """Return the power of 2 nearest to 1 / sqrt(size) for each of the sizes, or 1 if it is 0."""
+    """Return the power of 2 nearest to 1 / sqrt(size) for each of the sizes, or 1 where it is 0.
+
+    Multiplication by a power of 2 does not round.
+    """
     with np.errstate(divide="ignore"):
         exponent = np.where(sizes > 0.0, np.log2(sizes), 0.0)
     return np.exp2(-np.rint(exponent / 2.0))
 
 
 def _singular_values(matrix: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the nonzero singular values of a matrix of known rank, and their vectors.
+    """Return the nonzero singular values of a matrix of known rank, with their vectors.
 
-    The result is (values, left vectors, right vectors) with ascending values and one vector per
-    column. Jacobi rotations find small singular values to as many digits as large ones, because
-    complete pivoting leaves columns that are far from parallel.
+    The result is (values, left vectors, right vectors), with ascending values and one vector per
+    column. The matrix is factored by elimination with complete pivoting, and then by one-sided
+    Jacobi rotations (LAPACK's dgejsv), which find small values to as many digits as large ones.
     """
     left, pivots, right, _ = _complete_pivoting(matrix, rank)
     orthogonal, triangle, order = qr(left * pivots, mode="economic", pivoting=True)
@@ -164,5 +179,6 @@ def _singular_values(matrix: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndar
     if info != 0:
         raise np.linalg.LinAlgError("the singular values do not converge")
     ascending = slice(None, None, -1)
+    # LAPACK may scale the values to avoid overflow; this factor restores them.
     values = values[ascending] * (scale[0] / scale[1])
     return values, orthogonal @ left[:, ascending], right[:, ascending]

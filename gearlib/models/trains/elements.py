@@ -105,7 +105,10 @@ class Body:
     angle: Annotated[Angle, described("Angle of its pin on the carrier")] = 0.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError if an elastic support lacks a mass, or a run-out lacks teeth."""
+        """Raise ValueError if an elastic support lacks a mass, or a run-out lacks teeth.
+
+        A support is elastic if its stiffness along x or y is finite.
+        """
         owner = f"body {self.name}"
         is_rigid = all(math.isinf(stiffness) for stiffness in self.support_stiffness)
         allowed = "a finite number > 0 where the support is elastic"
@@ -125,7 +128,7 @@ class Body:
         name : str
             Name of the body.
         **fields
-            Other fields of `Body`; they override the values from the geometry.
+            Other fields of `Body`, such as the torque; they override the values from the geometry.
         """
         checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
         gear_fields = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
@@ -279,9 +282,11 @@ class Mesh:
     def __post_init__(self) -> None:
         """Set the default name and coast-side deviation, and check `driving` and `line_of_action`.
 
-        Raises ValueError if neither gear of the mesh is `driving`, or if both `line_of_action` and
-        `position` are given.
+        The coast side has the flanks that touch when the load is reversed; by default they deviate
+        as those of the drive side. Raises ValueError if `driving` names neither gear of the mesh,
+        or if both `line_of_action` and `position` are given.
         """
+        # The dataclass is frozen, so that defaults are set through `object`.
         if self.name is None:
             object.__setattr__(self, "name", f"{self.pinion}-{self.wheel}")
         if self.coast_deviation is None:
@@ -341,8 +346,9 @@ class Mesh:
     def line_angle(self, pi: Any) -> Any:
         """Return the angle of the line of action in rad, counterclockwise from the x axis.
 
-        `pi` is the number pi as a float, or as an interval that encloses it if the angle shall
-        have an error bound.
+        It is `line_of_action` if given; otherwise it follows from the angle of the line of centres
+        and the pressure angle. `pi` is the number pi as a float, or as an interval that encloses
+        pi, where the result must have an error bound.
         """
         if self.line_of_action is not None:
             return self.line_of_action
@@ -350,7 +356,10 @@ class Mesh:
 
     @property
     def centre_line_angle(self) -> float:
-        """Angle of the line of centres, rad, counterclockwise from the x axis like `position`."""
+        """Angle of the line of centres, rad, counterclockwise from the x axis.
+
+        It is `position` (0 by default), or follows from `line_of_action` if that is given.
+        """
         if self.line_of_action is None:
             return self.position or 0.0
         return self.line_of_action - self.direction * (math.pi / 2.0 + self._signed_pressure_angle)
@@ -406,9 +415,10 @@ class HarmonicForce:
 
 
 def lies_in_housing(mesh: Mesh, bodies: dict) -> bool:
-    """Return whether a mesh has axes fixed in the housing, in a train that also has carriers.
+    """Return whether the axes of a mesh are fixed in the housing although the train has carriers.
 
-    `bodies` maps the name of every body of the train to its `Body`.
+    In such a train, positions refer to the frame that rotates with the carriers, and axes in the
+    housing move against this frame. `bodies` maps the name of every body to its `Body`.
     """
     is_carried = bodies[mesh.pinion].carrier or bodies[mesh.wheel].carrier
     return not is_carried and any(body.carrier for body in bodies.values())
@@ -417,7 +427,9 @@ def lies_in_housing(mesh: Mesh, bodies: dict) -> bool:
 def check_names(train: Any) -> None:
     """Raise ValueError for repeated or unknown names in a `GearTrain`, or too many meshes.
 
-    With gyroscopic forces, also raise it for supports that differ along x and y.
+    Names are those of bodies and meshes, and those by which shafts, forces, meshes and carried
+    bodies refer to them. With gyroscopic forces, also raise ValueError for a support whose
+    stiffness or damping differs along x and y, because it would vary in the rotating frame.
     """
     for field in ("bodies", "meshes"):
         names = [element.name for element in getattr(train, field)]
@@ -461,7 +473,11 @@ def check_names(train: Any) -> None:
 
 
 def check_gears(train: Any) -> None:
-    """Raise ValueError if gears of a `GearTrain` cannot mesh, rotate or be assembled."""
+    """Raise ValueError if gears of a `GearTrain` cannot mesh, rotate or be assembled.
+
+    Both gears of a mesh need teeth of the same base pitch; a ring gear needs more teeth than its
+    pinion. Gears fixed in the housing beside turning carriers need rigid supports.
+    """
     for mesh in train.meshes:
         pinion, wheel = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
         for body in (pinion, wheel):

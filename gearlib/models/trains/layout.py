@@ -19,7 +19,11 @@ _ROUNDING = 1e-12
 
 
 def layout(train: "GearTrain") -> xr.Dataset:
-    """Return positions, radii and speeds of the gears as the dataset of `GearTrain.layout`."""
+    """Return positions, radii and speeds of the gears of a train as a dataset.
+
+    Its variables are described in `GearTrain.layout`: positions and radii of bodies, pitch points
+    of meshes, speeds, and the largest error with which loops of meshes close.
+    """
     pitch_radii = {}  # mesh name -> working pitch radii of pinion and wheel, negative for a ring
     for mesh in train.meshes:
         cosine = math.cos(mesh.pressure_angle)
@@ -28,7 +32,8 @@ def layout(train: "GearTrain") -> xr.Dataset:
         pitch_radii[mesh.name] = pinion_radius, -wheel_radius if mesh.internal else wheel_radius
     joints = _joints(train, pitch_radii)
     axes = _axes(train, joints)
-    # Loops of meshes and shafts give an axis several positions, which should be equal.
+    # An axis that is reached along several paths of meshes and shafts has several positions, which
+    # should be equal.
     closure_errors = [
         math.dist(axes[end], axes[start] + vector)
         for start in joints
@@ -43,8 +48,9 @@ def layout(train: "GearTrain") -> xr.Dataset:
         for name, radius in zip((mesh.pinion, mesh.wheel), pitch_radii[mesh.name], strict=True):
             body_radii[name] = max(body_radii[name], abs(radius))
     radii = list(body_radii.values())
-    # Speeds are per radian of reference mesh phase. Positions are given in the frame of the first
-    # carrier, which rotates in the housing.
+    # Speeds are in radians per radian of mesh phase, which grows by 2 pi in a period of the
+    # reference mesh. Positions are given in the frame of the first carrier, which rotates in the
+    # housing.
     frame_speed = float(train.speeds.frame)
     speeds = [float(train.speeds.in_housing[name]) for name in train.body_names]
     x, y = _round_to_zero([axes[name] for name in train.body_names], radii).T
@@ -68,9 +74,10 @@ def layout(train: "GearTrain") -> xr.Dataset:
 
 
 def _round_to_zero(values: ArrayLike, references: Iterable[float]) -> np.ndarray:
-    """Return an array of the values, with 0 for those that are rounding errors.
+    """Return an array of the values, with 0 in place of those that are rounding errors.
 
-    A rounding error is smaller than 1e-12 times the largest magnitude of the `references`.
+    A value counts as a rounding error if its magnitude is below 1e-12 times the largest magnitude
+    of the `references`, which are numbers of the same unit.
     """
     values = np.array(values, float)
     return np.where(np.abs(values) < _ROUNDING * max(map(abs, references)), 0.0, values)
@@ -82,13 +89,15 @@ def _vector(length: float, angle: float) -> np.ndarray:
 
 
 def _joints(train: "GearTrain", pitch_radii: dict[str, tuple]) -> dict[str, list]:
-    """Return the bodies joined to each body: name -> [(joined body, vector to its axis in m), ...].
+    """Return the joints of each body: body name -> [(joined body, vector to its axis in m), ...].
 
-    Meshes, shafts and pins of carriers join bodies. `pitch_radii` maps the name of a mesh to the
-    pitch radii of its pinion and its wheel in m, negative for a ring gear.
+    Meshes, shafts and carrier pins join bodies; the vector leads from the axis of the one body to
+    that of the other. `pitch_radii` maps the name of a mesh to the working pitch radii of its
+    pinion and its wheel in m; that of a ring gear is negative.
     """
     connections: list[tuple] = []  # (name of a body, name of another body, vector between them)
     for mesh in train.meshes:
+        # The sum of the pitch radii is the centre distance, negative in an internal mesh.
         vector = _vector(sum(pitch_radii[str(mesh.name)]), mesh.centre_line_angle)
         connections.append((mesh.pinion, mesh.wheel, vector))
     connections += [(*shaft.bodies, np.zeros(2)) for shaft in train.shafts]
@@ -104,11 +113,11 @@ def _joints(train: "GearTrain", pitch_radii: dict[str, tuple]) -> dict[str, list
 
 
 def _axes(train: "GearTrain", joints: dict[str, list]) -> dict[str, np.ndarray]:
-    """Return the position of the axis of each body, name -> (x, y) in m.
+    """Return the position of the axis of each body: body name -> (x, y) in m.
 
-    `joints` is the result of `_joints`. The origin is the axis of the first carrier, or of the
-    first body without carriers. Bodies that no joint connects with the origin are placed from an
-    origin of their own, which lies at the same point.
+    `joints` maps a body to the bodies joined to it, with the vectors to their axes (see `_joints`).
+    The axis of the first carrier, or of the first body without carriers, lies at the origin. Bodies
+    that no joint connects with it form a group of their own, whose first axis also lies there.
     """
     axes: dict = {}
     carriers = [body.carrier for body in train.bodies if body.carrier]
@@ -126,10 +135,11 @@ def _axes(train: "GearTrain", joints: dict[str, list]) -> dict[str, np.ndarray]:
 
 
 def _shaft_lines(train: "GearTrain") -> list[int]:
-    """Return the number of the shaft line of each body, > 0, or 0 for a body without a shaft.
+    """Return for each body the number of its shaft line, > 0, or 0 for a body without a shaft.
 
-    A shaft line consists of all bodies that are joined by shafts, directly or one after the other.
+    A shaft line is a group of bodies joined by shafts, directly or through other bodies.
     """
+    # Each shaft gives its number to its two bodies and to all bodies on the lines that it joins.
     line_numbers = dict.fromkeys(train.body_names, 0)
     for number, shaft in enumerate(train.shafts, 1):
         joined_lines = {line_numbers[name] for name in shaft.bodies} - {0}

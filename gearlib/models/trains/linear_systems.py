@@ -89,13 +89,15 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
 
 
 def _motion_rows(train: Any) -> dict[str, np.ndarray]:
-    """Return the row vectors that map the coordinates to each motion: name -> shape (n,).
+    """Return the row vectors that map the n coordinates to each motion: name -> shape (n,).
 
-    Motions are named as in "x of sun"; displacements are in m, rotations in rad.
+    Motions are named as in "x of sun", "y of sun" (m) and "rotation of sun" (rad). A train given by
+    matrices also has its coordinates as motions, under their own names.
     """
     rows = {}
     for body, motions in zip(train.bodies, train.structure.motions, strict=True):
         for axis, row in zip(_AXES, motions, strict=True):
+            # The structure describes a rotation as arc length on the base circle.
             scale = body.base_radius if axis == "rotation" else 1.0
             rows[f"{axis} of {body.name}"] = row / scale
     if train.matrices is not None:
@@ -105,10 +107,11 @@ def _motion_rows(train: Any) -> dict[str, np.ndarray]:
 
 
 def _bearing_force_row(train: Any, motion: str) -> np.ndarray:
-    """Return the row vector that maps the states to the force of a body on its elastic support.
+    """Return the row vector that maps a state to the force of a body on its elastic support in N.
 
-    `motion` names the direction and the body, as in "x of sun". The row has 2 n entries, and the
-    force is in N. Raises ValueError if the body has no such support.
+    The state holds n coordinates and their n rates, so that the row has 2 n entries. `motion` names
+    the direction and the body, as in "x of sun". Raises ValueError if the body has no elastic
+    support in this direction, is on a carrier, or belongs to a train given by matrices.
     """
     axis, _, body_name = motion.partition(" of ")
     checks.one_of("bearing force of", body_name, train.body_names)
@@ -129,7 +132,7 @@ def frequency_response(system: StateSpace, frequencies: Any) -> xr.Dataset:
     Parameters
     ----------
     system : scipy.signal.StateSpace
-        State space, such as the result of `GearTrain.state_space`.
+        State space with the matrices A, B, C and D, such as the result of `GearTrain.state_space`.
     frequencies : array-like
         Frequencies omega / (2 pi), Hz.
 

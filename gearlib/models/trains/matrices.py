@@ -90,7 +90,10 @@ class Matrices:
         return hash(self.digest())
 
     def digest(self) -> str:
-        """Return a hash of all values, which stands for the matrices in results."""
+        """Return a hash (SHA-256, hexadecimal) of all names and numbers of the matrices.
+
+        Datasets store it in place of the matrices, and equal matrices have equal hashes.
+        """
         arrays = self.mass, self.damping, self.stiffness, self.load, *self.rows.values()
         hasher = hashlib.sha256(repr((self.coordinates, self.gears, list(self.rows))).encode())
         for array in arrays:
@@ -229,19 +232,23 @@ def from_matrices(
 
 
 def _entries(name: str, entries: Any) -> dict:
-    """Return the dict `entries`, or an empty dict for None; raise ValueError for other types.
+    """Return `entries` if it is a dict, or an empty dict for None; otherwise raise ValueError.
 
-    `name` is the name of the argument for the error message.
+    `name` is the name of the argument, for the error message.
     """
     checks.require(isinstance(entries, dict | None), name, entries, "a dict")
     return entries or {}
 
 
 def _check_no_negative_stiffness(stiffness: np.ndarray) -> None:
-    """Raise ValueError if the symmetric part of a stiffness has a negative eigenvalue."""
+    """Raise ValueError if the symmetric part of a stiffness matrix has a negative eigenvalue.
+
+    Such a structure would be unstable even without its meshes. Rounding errors are tolerated.
+    """
     diagonal = np.abs(stiffness.diagonal())
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    # With a unit diagonal, translations and rotations have stiffnesses of the same size.
+    # Scaled to a unit diagonal, stiffnesses of translations (N/m) and rotations (N m/rad) have the
+    # same size, so that one tolerance suits both.
     scaled = (stiffness + stiffness.T) / 2.0 / np.outer(scale, scale)
     lowest_eigenvalue = np.linalg.eigvalsh(scaled)[0]
     allowed = "one whose symmetric part has no negative eigenvalue"
@@ -250,9 +257,10 @@ def _check_no_negative_stiffness(stiffness: np.ndarray) -> None:
 
 
 def _matrix(name: str, value: Any, n: int | None = None) -> np.ndarray:
-    """Return an argument of `from_matrices` as a square array, or raise ValueError.
+    """Return an argument of `from_matrices` as a square array of finite numbers.
 
-    `name` is the name of the argument. It must have `n` rows, or any number of rows for None.
+    `name` is the name of the argument, and `value` is an array, a sparse array or a file path. The
+    array must have `n` rows, or any number of rows if `n` is None. Raises ValueError otherwise.
     """
     array = _dense(name, value)
     allowed = "a square matrix of finite numbers"
@@ -267,9 +275,11 @@ def _matrix(name: str, value: Any, n: int | None = None) -> np.ndarray:
 
 
 def _dense(name: str, value: Any) -> np.ndarray:
-    """Return a matrix as an array, given as nested lists, an array, a sparse array or a file.
+    """Return a matrix as an array of floats.
 
-    `name` is the name of the argument for error messages; files end with .mtx or .nc.
+    `value` is an array, nested lists, a sparse array, or the path of a file that ends with .mtx
+    (Matrix Market) or .nc (netCDF with one variable). `name` is the name of the argument, for error
+    messages.
     """
     if isinstance(value, str | Path):
         path = Path(value)
@@ -292,9 +302,10 @@ def _dense(name: str, value: Any) -> np.ndarray:
 
 
 def _projected(matrix: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Return basis.T @ matrix @ basis, with 0 for entries that are rounding errors of their terms.
+    """Return basis.T @ matrix @ basis, with rounding errors set to 0.
 
-    `matrix` has the shape (n, n), and `basis`, shape (n, r), holds a vector per column.
+    `matrix` has the shape (n, n), and `basis`, shape (n, r), holds one vector per column. An entry
+    is a rounding error if it is below 1e-12 times the sum of the magnitudes of its terms.
     """
     projected = basis.T @ matrix @ basis
     magnitudes = np.abs(basis).T @ np.abs(matrix) @ np.abs(basis)
@@ -303,11 +314,11 @@ def _projected(matrix: np.ndarray, basis: np.ndarray) -> np.ndarray:
 
 @checked
 def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
-    """Return the reduced train of `GearTrain.reduce`, for a frequency in Hz.
+    """Return a train with fewer coordinates and the same dynamics up to half the frequency in Hz.
 
-    Boundary coordinates, on which meshes, loads or harmonic forces act, are kept. Interior modes
-    replace the other coordinates (Craig and Bampton). Correction modes add the quasi-static
-    response of the neglected modes.
+    By the method of Craig and Bampton, modes replace coordinates on which no mesh, load or harmonic
+    force acts (the interior); the others (the boundary) are kept. Correction modes add the
+    quasi-static response of the neglected modes.
     """
     matrices = train.matrices
     allowed = "a train made by GearTrain.from_matrices"
@@ -323,7 +334,8 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     highest_square = (math.tau * frequency * _MARGIN) ** 2
     squares, shapes = scipy.linalg.eigh(stiffness[inner], mass[inner])
     interior_modes = shapes[:, squares < highest_square]
-    # This spring acts on the free interior motions only, so that the stiffness can be factorised.
+    # Rigid-body motions of the interior make its stiffness singular. This spring acts on them only,
+    # so that the stiffness can be factorised.
     momentum = mass[inner] @ shapes[:, squares < 1e-6 * highest_square]
     coupled = np.ix_(interior, boundary)
     factor = scipy.linalg.cho_factor(stiffness[inner] + highest_square * (momentum @ momentum.T))
@@ -335,6 +347,7 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     norms = np.sqrt(np.einsum("ij,ik,kj->j", correction, mass[inner], correction))
     correction = correction[:, norms > 0.0] / norms[norms > 0.0]
     values, vectors = np.linalg.eigh(correction.T @ mass[inner] @ correction)
+    # Leave out corrections that nearly are combinations of the others.
     is_independent = values > 1e-8
     correction = correction @ vectors[:, is_independent] / np.sqrt(values[is_independent])
     interior_modes = np.hstack([interior_modes, correction])
@@ -365,7 +378,11 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
 
 
 def _boundary_coordinates(train: GearTrain) -> np.ndarray:
-    """Return the indices of the coordinates on which meshes, gears, loads or forces act."""
+    """Return the indices of the boundary coordinates of a train given by matrices.
+
+    These are the coordinates on which meshes, gears, constant loads or harmonic forces act; a
+    reduction must keep them.
+    """
     structure = train.structure
     motions = structure.motions.reshape(-1, structure.motions.shape[2])
     rows = [structure.lines, motions, train.matrices.load[None]]

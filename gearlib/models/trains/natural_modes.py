@@ -26,7 +26,11 @@ _MIN_MOTION = 1e-6
 
 
 def modes(train: "GearTrain") -> xr.Dataset:
-    """Return the natural modes of a train as the dataset of `GearTrain.modes`."""
+    """Return natural frequencies, mode shapes, strain energies and damping of a train.
+
+    All flanks are in contact at mean stiffness. Rigid-body motions come first, as modes with the
+    frequency 0. The dataset is described in `GearTrain.modes`.
+    """
     squares, shapes = train.linear_modes
     free_count = train.free_motions.shape[1]
     frequencies = np.concatenate([np.zeros(free_count), np.sqrt(squares)]) / math.tau
@@ -35,7 +39,8 @@ def modes(train: "GearTrain") -> xr.Dataset:
     mesh_count, shaft_count = len(train.meshes), len(train.shafts)
     mesh_energy = np.zeros((frequencies.size, mesh_count))
     mesh_energy[free_count:] = train.strains[-mesh_count:].T ** 2
-    # Before the meshes come the springs of shafts: in torsion, and in bending along x and y.
+    # The rows of `strains`, whose squares are shares of the strain energy, end with the meshes.
+    # Before them come three springs of each shaft: torsion, and bending along x and y.
     strains = train.strains[:-mesh_count]
     energy_of_springs = strains[len(strains) - 3 * shaft_count :] ** 2
     shaft_energy = np.zeros((frequencies.size, shaft_count))
@@ -66,7 +71,8 @@ def modes(train: "GearTrain") -> xr.Dataset:
 def total_damping(train: "GearTrain") -> np.ndarray | None:
     """Return the damping matrix with all flanks in contact, N s/m, shape (n, n).
 
-    Returns None if the damping of a mesh is unknown.
+    It is the sum over supports, shafts and meshes. Returns None if the damping of a mesh is
+    unknown.
     """
     damping = train.structure.damping.copy()
     for line, mesh in zip(train.structure.lines, train.meshes, strict=True):
@@ -77,24 +83,28 @@ def total_damping(train: "GearTrain") -> np.ndarray | None:
 
 
 def mean_stiffness_matrix(train: "GearTrain") -> np.ndarray:
-    """Return the stiffness matrix with all flanks in contact at mean stiffness, N/m, (n, n)."""
+    """Return the stiffness matrix of a train with all flanks in contact at mean stiffness, N/m.
+
+    The shape is (n, n) for n coordinates.
+    """
     lines = train.structure.lines
     mean_stiffnesses = [mesh.mean_stiffness for mesh in train.meshes]
     return train.structure.stiffness + (lines.T * mean_stiffnesses) @ lines
 
 
 def _damped_modes(train: "GearTrain", frequencies: np.ndarray, shapes: np.ndarray) -> dict:
-    """Return modal damping ratios and complex modes as variables, name -> (dims, values).
+    """Return modal damping ratios and complex modes as variables: name -> (dims, values).
 
-    `frequencies`, (p,), are the undamped natural frequencies in Hz, and `shapes`, (n, p), the
-    mass-normalised mode shapes. Without damping, or if a damping is unknown, the dict is empty.
+    The complex modes are eigenvectors of the damped train with n coordinates. `frequencies`, (p,),
+    are the undamped natural frequencies in Hz, and `shapes`, (n, p), the mass-normalised mode
+    shapes. The dict is empty if the train has no damping, or if the damping of a mesh is unknown.
     """
     damping = total_damping(train)
     if damping is None or not damping.any():
         return {}
     omega = math.tau * frequencies
     modal_damping = np.einsum("np,nk,kp->p", shapes, damping, shapes)
-    # Free motions have no damping ratio.
+    # Rigid-body motions (frequency 0) have no damping ratio.
     ratios = np.full(omega.size, np.nan)
     np.divide(modal_damping, 2.0 * omega, out=ratios, where=omega > 0.0)
     inverse_mass, n = np.linalg.inv(train.structure.mass), len(damping)
@@ -122,10 +132,11 @@ def _damped_modes(train: "GearTrain", frequencies: np.ndarray, shapes: np.ndarra
 
 
 def _largest_motions(motions: np.ndarray) -> np.ndarray:
-    """Return the largest magnitude of the motions in each of p modes, shape (p,).
+    """Return the largest magnitude of all body motions in each of p modes, shape (p,).
 
-    `motions`, shape (p, bodies, 3), are those of the bodies. The result is 1 for modes that move no
-    body, which trains of given matrices can have.
+    `motions`, shape (p, bodies, 3), are the motions of the bodies along x, along y and in rotation.
+    The result is 1 for a mode that moves no body, as in trains given by matrices, so that it can be
+    a divisor.
     """
     largest = np.abs(motions).max(axis=(1, 2), initial=0.0)
     return np.where(largest > 0.0, largest, 1.0)
@@ -134,10 +145,10 @@ def _largest_motions(motions: np.ndarray) -> np.ndarray:
 def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
     """Classify each elastic mode by the motions of the central bodies of a train.
 
-    The kinds are "rotational", "translational", "satellite" and "other". Central bodies are
-    carriers and gears with several meshes; in a satellite mode (planet mode) they do not move.
-    `motions`, shape (p, b, 3), are the mass-normalised motions of b bodies along x, along y and in
-    rotation in p modes.
+    Central bodies are carriers and gears with several meshes. A mode is "rotational" if they only
+    turn, "translational" if only their axes move, "satellite" (a planet mode) if they do not move,
+    and "other" if they do both or there are none. `motions`, shape (p, b, 3), are the
+    mass-normalised motions of b bodies along x, along y and in rotation in p modes.
     """
     central_names = {body.carrier for body in train.bodies}
     central_names |= {name for _, name in mesh_groups(train)}
@@ -148,6 +159,7 @@ def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
     for body in train.bodies:
         mass = body.mass or 0.0
         masses.append((mass, mass, body.inertia / body.base_radius**2))
+    # With weights by mass, one threshold suits all trains.
     largest = (np.abs(motions) * np.sqrt(masses))[:, is_central].max(axis=1, initial=0.0)
     kinds = []
     for x, y, rotation in largest.tolist():
@@ -161,9 +173,10 @@ def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
 
 
 def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
-    """Return the critical speeds of a train as the dataset of `GearTrain.campbell`.
+    """Return the critical speeds of a train, at which a mesh harmonic meets a natural frequency.
 
-    `count` is the number of harmonics of each mesh frequency.
+    `count` is the number of harmonics of each mesh frequency. The dataset is described in
+    `GearTrain.campbell`.
     """
     # Orders are frequencies of harmonics over the frequency of the reference mesh.
     orders = sorted({n * ratio for ratio in train.frequency_ratios for n in range(1, count + 1)})
@@ -173,7 +186,8 @@ def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
         fill_value={"modal_force": 0.0, "phase_sum": 0.0, "excites": False},
     )
     reference_frequency = train.reference_angular_frequency / (2.0 * math.pi)
-    # At a critical tuning, the frequency of an order equals a natural frequency.
+    # The tuning is the mesh frequency over the reference natural frequency. At a critical tuning,
+    # the frequency of an order equals a natural frequency.
     critical_tuning = data.natural_frequency / reference_frequency / data.stiffness_order
     data["critical_speed"] = train.speed(critical_tuning).transpose("stiffness_order", "mode")
     data.attrs["title"] = "Campbell diagram of a gear train"
@@ -181,9 +195,11 @@ def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
 
 
 def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
-    """Return the modal forces of the teeth as the dataset of `GearTrain.phasing`.
+    """Return the modal forces by which harmonics of the mesh frequencies excite the modes.
 
-    `count` is the highest order of the harmonics, relative to the reference mesh frequency.
+    The phases of the meshes decide whether their forces add up or cancel. `count` is the highest
+    order of the harmonics, relative to the frequency of the reference mesh. The dataset is
+    described in `GearTrain.phasing`.
     """
     squares, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
@@ -192,7 +208,8 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
     for mesh, ratio, side, modal_displacements, static_displacement in zip(
         train.meshes, train.frequency_ratios, train.loaded_sides, *displacements, strict=True
     ):
-        # The flanks that carry the load vary the stiffness, or deviate by the transmission error.
+        # The teeth on the loaded side, 0 (coast) or 1 (drive), excite the modes by their varying
+        # stiffness, or by their transmission error `table`: rows (order, cosine, sine).
         phase, table = deviation_of_teeth(train, mesh, 0 if side == COAST else 1)
         for order in range(1, math.floor(count / ratio) + 1):
             has_deviation = order <= len(table)

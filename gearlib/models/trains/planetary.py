@@ -180,9 +180,10 @@ def planetary(
     torques = [sun_torque, ring_torque, carrier_torque, 0.0]
 
     def body(kind: str, teeth: int | None, name: str | None = None, **fields: Any) -> Body:
-        """Return the body of a kind: "sun", "ring", "carrier" or "planet".
+        """Return the `Body` of a kind of gear: "sun", "ring", "carrier" or "planet".
 
-        `teeth` is None for the carrier; the kind is the default name.
+        `teeth` is None for the carrier; `name` is the kind by default; `fields` are other fields of
+        `Body`.
         """
         i = ("sun", "ring", "carrier", "planet").index(kind)
         stiffness = torsional_stiffness[i]
@@ -246,8 +247,9 @@ def planetary(
 def _planet_teeth(teeth: tuple[int, int], planet_teeth: int | None) -> int:
     """Return the checked number of teeth of a planet.
 
-    `teeth` are the tooth numbers of (sun, ring). If `planet_teeth` is None, half their difference
-    is returned.
+    `teeth` are the tooth numbers of (sun, ring). If `planet_teeth` is None, the result is half the
+    difference of ring and sun, with which the planets fit exactly; it must be an integer. Raises
+    ValueError for an impossible number.
     """
     sun_teeth, ring_teeth = teeth
     if planet_teeth is None:
@@ -264,11 +266,12 @@ def _planet_teeth(teeth: tuple[int, int], planet_teeth: int | None) -> int:
 
 
 def _pin_radius_and_pressure_angles(sun_base_radius, teeth, planet_teeth, pressure_angle):
-    """Return the pin radius of the carrier in m and the pressure angles in rad of both meshes.
+    """Return (pin radius, (pressure angle of sun meshes, pressure angle of ring meshes)).
 
-    `sun_base_radius` is in m, `teeth` are the tooth numbers of (sun, ring), and `pressure_angle` is
-    the working pressure angle of the sun meshes in rad. The result is (pin radius, (angle of sun
-    meshes, angle of ring meshes)).
+    The pin radius of the carrier, in m, is the centre distance of sun and planet. `sun_base_radius`
+    is in m, `teeth` are the tooth numbers of (sun, ring), and `pressure_angle` is the working
+    pressure angle of the sun meshes. Angles are in rad. Raises ValueError if the planets do not fit
+    into the ring.
     """
     sun_teeth, ring_teeth = teeth
     planet_base_radius = sun_base_radius * planet_teeth / sun_teeth
@@ -280,7 +283,8 @@ def _pin_radius_and_pressure_angles(sun_base_radius, teeth, planet_teeth, pressu
             f"planet_teeth = {planet_teeth!r} is not allowed: at this pressure_angle the planets "
             "must fit into the ring, where the pressure angle must be from 0 to 45 degrees"
         )
-    # With planets of half the difference in teeth both angles are equal, exactly.
+    # If a planet has half the difference of the tooth numbers, both angles are equal; the arc
+    # cosine would round.
     is_equal = planet_teeth * 2 == ring_teeth - sun_teeth
     ring_pressure_angle = pressure_angle if is_equal else math.acos(ring_cosine)
     return pin_radius, (pressure_angle, ring_pressure_angle)
@@ -309,12 +313,13 @@ class ParallelStage:
     def elements(
         self, number: int, bodies: dict[str, Body], structural_damping: float, options: dict
     ) -> tuple[dict[str, Body], Mesh, Shaft]:
-        """Return the bodies, the mesh and the shaft that the stage adds to a planetary train.
+        """Return (bodies, mesh, shaft) that the stage adds to a planetary train.
 
-        The bodies, by name, are the two gears and the body at the other end of the shaft, without
-        its torque. `number` is the number of the stage, from 1, and `bodies` maps names to the
-        bodies of the train so far. `structural_damping` is the ratio of damping to stiffness of the
-        shaft in s; `options` are passed to `Mesh.from_geometry`.
+        The bodies, by name, are the two gears and the body at the other end of the shaft, which
+        loses its torque; the gear that is not on the shaft gets a torque with the same power.
+        `number` is the number of the stage, from 1, and `bodies` maps names to the bodies of the
+        train so far. `structural_damping` is the ratio of damping to stiffness of the shaft in s.
+        `options` are arguments of `Mesh.from_geometry`, such as damping_ratio.
         """
         key = f"stages[{number - 1}].on"
         checks.one_of(key, self.on, list(bodies))

@@ -75,10 +75,10 @@ def create_train(**fields: Any) -> Any:
 
 
 def proportional_damping(stiffness: float, structural_damping: float) -> float:
-    """Return stiffness-proportional damping, or 0 for an infinite stiffness.
+    """Return the damping of a spring in proportion to its stiffness, or 0 if it is rigid.
 
-    `stiffness` is in N/m or N m/rad, and `structural_damping` is the ratio of damping to stiffness
-    in s.
+    `stiffness` is in N/m or N m/rad, infinite for a rigid support, and `structural_damping` is the
+    ratio of damping to stiffness in s. The result is in N s/m or N m s/rad.
     """
     return structural_damping * stiffness if stiffness < math.inf else 0.0
 
@@ -87,12 +87,13 @@ class _GearSet:
     """Gears of a train on equal supports; all meshes have the values of the same `GearPair`."""
 
     def __init__(self, pair, stages, modules, pressure_angle, inertias, masses, support):
-        """Compute reduced inertias I / r^2, masses and base radii of the gears.
+        """Compute reduced inertias I / r^2, masses and base radii r of the gears.
 
-        `stages` lists the tooth numbers of the gears of each stage. `modules` (m), the reduced
-        `inertias` (kg) and `masses` (kg) are sequences over all gears in the same order; inertias
-        and masses are None for discs. The pressure angle is in rad, and `support` is the pair
-        (stiffness of the supports in N/m, ratio of damping to stiffness in s).
+        `pair` is the `GearPair` whose values all meshes get. `stages` lists the tooth numbers of
+        the gears of each stage; `modules` (m), reduced `inertias` (kg) and `masses` (kg) are
+        sequences over all gears in the same order. Without inertias and masses the gears are discs.
+        `pressure_angle` is in rad. `support` is the pair (stiffness of the supports in N/m, ratio
+        of damping to stiffness in s).
         """
         from gearlib.models.pair import GearPair
 
@@ -110,6 +111,7 @@ class _GearSet:
                 sum_of_squares = 1.0 / stage[0] ** 2 + 1.0 / stage[1] ** 2
                 inertia_per_tooth_squared = pair.reduced_mass * sum_of_squares
                 self.reduced_inertias += [inertia_per_tooth_squared * z**2 for z in stage]
+        # A disc of the radius r has I = m r^2 / 2, so that its mass is 2 I / r^2.
         self.masses = masses or [2.0 * inertia for inertia in self.reduced_inertias]
         self.base_radii = [
             module * z / 2.0 * math.cos(pressure_angle)
@@ -117,9 +119,10 @@ class _GearSet:
         ]
 
     def body(self, i: int, name: str, force: float = 0.0, **fields: Any) -> Body:
-        """Return gear i as a `Body`, loaded by a tangential force in N at its base circle.
+        """Return gear number i of the set as a `Body` called `name`.
 
-        A positive force turns the gear counterclockwise; `fields` are further fields of `Body`.
+        `force` is a tangential force on its base circle in N; a positive force turns the gear
+        counterclockwise. `fields` are further fields of `Body`.
         """
         return Body(
             name=name,
@@ -134,9 +137,10 @@ class _GearSet:
         )
 
     def mesh(self, pinion: str, wheel: str, **fields: Any) -> Mesh:
-        """Return the `Mesh` of two bodies with the stiffness, damping and backlash of the pair.
+        """Return the `Mesh` of two gears with the stiffness, damping and backlash of the pair.
 
-        `pinion` and `wheel` are names of bodies; `fields` override the values of the pair.
+        `pinion` and `wheel` are names of bodies; `fields` are fields of `Mesh`, which override the
+        values of the pair.
         """
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
         names += ("material_damping", "backlash_damping")
@@ -172,8 +176,8 @@ def idler(
 ):
     """Return a train of three gears, ``pinion``, ``idler`` and ``wheel``, with two meshes.
 
-    Both meshes have the stiffness, damping, backlash and load of `pair`, a `GearPair`; the first
-    mesh also has its reduced mass. Other options are passed to `GearTrain`.
+    Both meshes have the stiffness, damping, backlash and load of `pair`, a `GearPair`; the reduced
+    mass of the first mesh is that of the pair. Other options are passed to `GearTrain`.
     """
     support = support_stiffness, structural_damping
     gears = _GearSet(pair, [teeth], [module] * 3, pressure_angle, reduced_inertias, masses, support)
@@ -208,16 +212,18 @@ def two_stage(
     pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
-    """Return a train of two stages joined by a shaft: pinion 1, wheel 1, pinion 2 and wheel 2.
+    """Return a train of two gear stages: ``pinion 1``, ``wheel 1``, ``pinion 2`` and ``wheel 2``.
 
-    Both meshes have the stiffness, damping, backlash and reduced mass of `pair`, a `GearPair`,
-    whose load acts on the first mesh. Other options are passed to `GearTrain`.
+    A shaft joins wheel 1 and pinion 2. Both meshes have the stiffness, damping, backlash and
+    reduced mass of `pair`, a `GearPair`, whose load acts on the first mesh. Other options are
+    passed to `GearTrain`.
     """
     stages = teeth[:2], teeth[2:]
     gear_modules = [modules[0], modules[0], modules[1], modules[1]]
     support = support_stiffness, structural_damping
     gears = _GearSet(pair, stages, gear_modules, pressure_angle, reduced_inertias, masses, support)
-    # The shaft rotates clockwise, and the second wheel counterclockwise against its load.
+    # The shaft rotates clockwise and transmits the torque of wheel 1. The second wheel rotates
+    # counterclockwise, so that its load is negative.
     output_force = -pair.load * gears.base_radii[1] / gears.base_radii[2]
     bodies = [
         gears.body(0, "pinion 1", pair.load),

@@ -37,11 +37,12 @@ _RESIDUAL_TOLERANCE = 1e-9
 def _balancing_torques(train: "GearTrain") -> str:
     """Return a suggestion of torques that balance a train, as in "-20 N m on wheel".
 
-    As few torques as possible are changed: the first one, which drives, is kept, and loaded bodies
-    without a carrier are preferred, the last ones first.
+    As few torques as possible are changed. The first loaded body, which drives, keeps its torque;
+    loaded bodies without a carrier are changed first, and among equals the last body first.
     """
     radii, torques = np.array([(body.base_radius, body.torque) for body in train.bodies]).T
-    # Work of 1 N m on each body in each free motion; smaller works than the tolerance are rounding.
+    # Work of 1 N m on each body in each rigid-body ("free") motion, which no spring resists; works
+    # below the tolerance are rounding errors.
     works = (train.structure.motions[:, 2] @ train.free_motions).T / radii
     work_tolerance = 1e-6 * abs(works).max()
     # Bodies with the highest preference are changed first.
@@ -62,8 +63,9 @@ def _balancing_torques(train: "GearTrain") -> str:
 def check_balance(train: "GearTrain") -> None:
     """Raise ValueError if a `GearTrain` cannot move, lacks a mass or has unbalanced torques.
 
-    Also raise it if a harmonic force acts along a direction in which its body cannot move, or has
-    the frequency 0, or if the axis of a gear with moving backlash moves freely.
+    Torques balance if they do no work on rigid-body motions, which no spring resists. Also raise
+    ValueError for a harmonic force along a direction in which its body cannot move, or with the
+    frequency 0, and for a moving backlash of a gear whose axis moves freely.
     """
     if not train.structure.coordinates:
         raise ValueError("bodies is not allowed: at least one of them must be able to move")
@@ -93,7 +95,8 @@ def check_balance(train: "GearTrain") -> None:
                 f"torque of bodies {', '.join(moving_bodies)} is not allowed: they must balance on "
                 f"the free rotation of the train, as with {_balancing_torques(train)}"
             )
-    # A free motion must not change the distance of coast-side flanks with moving backlash.
+    # Coast-side flanks with moving backlash follow the axes; a motion that no spring resists must
+    # not change their distance.
     changes = abs(train.coast_lines @ train.free_motions)
     scale = abs(train.coast_lines) @ abs(train.free_motions)
     changes_distance = (changes > 1e-9 * scale).any(axis=1)
@@ -104,14 +107,16 @@ def check_balance(train: "GearTrain") -> None:
 
 
 def _unbalanced_forces(train: "GearTrain", motion: np.ndarray) -> ValueError:
-    """Return the error for forces that do work on a free motion, shape (n,), of given matrices.
+    """Return the ValueError for forces that do work on a rigid-body motion of given matrices.
 
-    It names the coordinates that move, at most eight, and a force that would balance the others.
+    `motion`, shape (n,), is the motion, which no spring resists. The message names the coordinates
+    that move, at most eight, and a force on one of them that would balance the others.
     """
     names, load = [name for name, _ in train.structure.coordinates], train.structure.load
     least_motion = 1e-6 * max(abs(motion))
     pairs = zip(names, motion, strict=True)
     moving = [name for name, amplitude in pairs if abs(amplitude) > least_motion]
+    # The last force that does work is changed so that the total work is 0.
     changed = np.flatnonzero(load * motion)[-1]
     balancing = load[changed] - (load @ motion) / motion[changed]
     return ValueError(
@@ -130,8 +135,9 @@ class Equilibrium(NamedTuple):
 
 
 def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0) -> Equilibrium:
-    """Return the static equilibrium with the stiffness and errors at a reference mesh phase in rad.
+    """Return the static `Equilibrium` of a train with backlash and errors.
 
+    `phase` is the phase of the reference mesh in rad, at which stiffness and errors are taken;
     `load_ratio` is a factor on all torques. Raises ValueError if the load opens a mesh with
     infinite backlash permanently.
     """
@@ -155,6 +161,7 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
     # Rounding errors of the gaps cause forces of this size, even without a load.
     gap_sizes = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
     force_scale = (np.abs(drive_lines.T) @ (stiffness * gap_sizes).max(axis=0)).max(initial=0.0)
+    # Only a symmetric stiffness has an energy to be minimized.
     if train.matrices is None or train.matrices.is_symmetric:
         modal_amplitudes = _minimize(energy, force_scale)
     else:
@@ -185,7 +192,11 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
 
 
 def static(train: "GearTrain", phase: float = 0.0) -> xr.Dataset:
-    """Return the static equilibrium of a train as the dataset of `GearTrain.static`."""
+    """Return the static equilibrium of a train at a reference mesh phase in rad as a dataset.
+
+    It holds mesh forces, contacts, load sharing and displacements, see `GearTrain.static`. The
+    status is JAMMED if both flanks of a mesh carry a force.
+    """
     result = equilibrium(train, phase)
     status_code = status.JAMMED if result.both_flanks_touch.any() else status.OK
     dataset = xr.Dataset(
@@ -206,10 +217,10 @@ def static(train: "GearTrain", phase: float = 0.0) -> xr.Dataset:
 
 
 def mesh_groups(train: "GearTrain") -> list[tuple[str, str]]:
-    """Return the load-sharing group of each mesh, as a pair of strings.
+    """Return the group of meshes that share a load with each mesh, as a pair of strings.
 
-    A group is ("pinion", name) for the meshes that share a pinion, else ("wheel", name) for those
-    that share a wheel, else ("mesh", name) for a mesh by itself.
+    The pair is ("pinion", name of the pinion) for meshes with a common pinion, else ("wheel", name
+    of the wheel) for those with a common wheel, else ("mesh", its own name) for a single mesh.
     """
     pinions = [mesh.pinion for mesh in train.meshes]
     wheels = [mesh.wheel for mesh in train.meshes]
@@ -225,10 +236,11 @@ def mesh_groups(train: "GearTrain") -> list[tuple[str, str]]:
 
 
 def load_shares(train: "GearTrain", forces: np.ndarray) -> np.ndarray:
-    """Return the force of each mesh over the mean force in its group of `mesh_groups`.
+    """Return the force of each mesh over the mean force of the meshes that share its load.
 
-    `forces` of m meshes, in N, and the result have the shape (..., m). The result is NaN where the
-    forces of a group sum to 0.
+    These are the meshes of a common pinion or wheel, see `mesh_groups`. `forces` of m meshes in N,
+    shape (..., m), and the result have the same shape. The result is NaN where the forces of a
+    group sum to 0.
     """
     groups = np.array(["/".join(group) for group in mesh_groups(train)])
     shares = np.empty_like(forces)
@@ -242,15 +254,17 @@ def load_shares(train: "GearTrain", forces: np.ndarray) -> np.ndarray:
 
 
 def _stiffness_levels(train: "GearTrain", phase: float) -> np.ndarray:
-    """Return the mesh stiffness of the (coast, drive) sides just after a phase, N/m, (2, m).
+    """Return the mesh stiffness on the (coast, drive) sides just after a phase, N/m, (2, m).
 
-    `phase` is the reference mesh phase in rad.
+    The drive side has the flanks loaded in the sense of the driving torque, the coast side the
+    others. `phase` is the phase of the reference mesh in rad.
     """
     # All stiffnesses repeat after `train.repeats` periods of the reference mesh.
     period, phase_in_period = divmod(phase % (math.tau * train.repeats), math.tau)
     levels = np.empty((2, len(train.meshes)))
     for j, (mesh, ratio) in enumerate(zip(train.meshes, train.frequency_ratios, strict=True)):
         stiffness_phases = train.coast_phases[mesh.name], train.phases[mesh.name]
+        # At a jump of the stiffness, the tolerance selects the level after it.
         fraction = (phase_in_period + SAME_PHASE_TOLERANCE) / math.tau
         # Phase of this mesh in its periods, exact for the whole periods of the reference mesh.
         mesh_phase = float(int(period) * ratio % 1) + fraction * float(ratio)
@@ -278,18 +292,19 @@ class _Energy(NamedTuple):
         return self.stiffness * np.stack([np.minimum(coast, 0.0), np.maximum(drive, 0.0)])
 
     def gradient(self, amplitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gradient of the energy and the magnitude of the mesh forces in it.
+        """Return (gradient of the energy, sum of the magnitudes of its terms by mesh forces).
 
-        `amplitudes` and both results have the shape (p,).
+        `amplitudes` of p modes and both results have the shape (p,). The second result measures the
+        size of rounding errors in the first.
         """
         forces = self.forces(self.lines @ amplitudes + self.gaps)
         gradient = self.elastic @ amplitudes + _modal_forces(self.lines, forces) - self.load
         return gradient, _modal_forces(np.abs(self.lines), np.abs(forces))
 
     def hessian(self, distances: np.ndarray) -> np.ndarray:
-        """Return the Hessian matrix, (p, p), at distances of (coast, drive) flanks, shape (2, m).
+        """Return the Hessian matrix of the energy, (p, p), the stiffness with the touching flanks.
 
-        It is the stiffness matrix with the flanks that touch at these distances.
+        `distances`, shape (2, m), of (coast, drive) flanks decide which flanks touch.
         """
         touching = np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
         sides = zip(self.lines, self.stiffness * touching, strict=True)
@@ -301,17 +316,18 @@ class _Energy(NamedTuple):
 def _modal_forces(lines: np.ndarray, forces: np.ndarray) -> np.ndarray:
     """Return the sum of the flank forces in modal coordinates, shape (p,).
 
-    `lines`, shape (2, m, p), are distances of (coast, drive) flanks per modal amplitude, and
-    `forces`, shape (2, m), are the forces of the flanks.
+    `forces`, shape (2, m), are the forces on (coast, drive) flanks of m meshes. `lines`, shape (2,
+    m, p), hold the distance of each pair of flanks per amplitude of each of the p modes; by virtual
+    work they also convert forces.
     """
     return lines[0].T @ forces[0] + lines[1].T @ forces[1]
 
 
 def _minimize(energy: _Energy, force_scale: float) -> np.ndarray | None:
-    """Minimize the energy by Newton's method and return the modal amplitudes, shape (p,).
+    """Minimize the energy by Newton's method and return the modal amplitudes, shape (p,), or None.
 
-    Returns None if the energy has no minimum. `force_scale` is the magnitude of forces beside those
-    of the energy whose rounding errors are tolerated.
+    None means that the energy has no minimum, because a mesh opens without limit. `force_scale` is
+    the magnitude of additional forces; rounding errors of this magnitude are tolerated.
     """
     load, gaps = energy.load, energy.gaps
     amplitudes = load.copy()
@@ -342,10 +358,10 @@ def _minimize(energy: _Energy, force_scale: float) -> np.ndarray | None:
 def _balance(energy: _Energy, force_scale: float) -> np.ndarray | None:
     """Return the modal amplitudes at which all forces balance, shape (p,), or None.
 
-    Suits an unsymmetric stiffness, for which the "gradient" is the residual of the forces. Newton's
-    method halves each step until the residual decreases; None means that it did not converge.
-    `force_scale` is the magnitude of forces beside those of the energy whose rounding errors are
-    tolerated.
+    This suits an unsymmetric stiffness, which has no energy; `_Energy.gradient` then is the
+    residual of the forces. Newton's method halves each step until the residual decreases. None
+    means that it did not converge. `force_scale` is the magnitude of additional forces; rounding
+    errors of this magnitude are tolerated.
     """
     amplitudes = energy.load.copy()
     for _ in range(_MAX_NEWTON_STEPS):
@@ -366,11 +382,11 @@ def _balance(energy: _Energy, force_scale: float) -> np.ndarray | None:
 
 
 def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> float | None:
-    """Return the length at which the energy is least along a step from the amplitudes.
+    """Return the factor on a step that minimizes the energy from given amplitudes, or None.
 
-    Both arrays have the shape (p,), and the length is a factor on the step. Returns None if the
-    energy decreases without limit. The slope of the energy along the step increases and is linear
-    between the lengths at which flanks touch or part.
+    `amplitudes` and `step` have the shape (p,). None means that the energy decreases without limit.
+    Along the step the slope of the energy grows, and it is linear between the lengths at which
+    flanks touch or separate; so these lengths are searched in order for a change of its sign.
     """
     distances, rates = energy.lines @ amplitudes + energy.gaps, energy.lines @ step
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -379,7 +395,7 @@ def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> f
     contact_lengths = np.sort(contact_lengths[is_ahead])
 
     def slope(length: float) -> float:
-        """Return the derivative of the energy with respect to the step length."""
+        """Return the derivative of the energy with respect to the length, a factor on the step."""
         forces = energy.forces(distances + length * rates)
         elastic_forces = energy.elastic @ (amplitudes + length * step)
         return step @ (elastic_forces - energy.load) + (rates * forces).sum()
@@ -397,6 +413,7 @@ def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> f
     end_slope = slope(end)
     increase = end_slope - start_slope
     if increase <= 1e-13 * (abs(end_slope) + abs(start_slope)):
-        # Without a load the remaining slope is a rounding error.
+        # The slope stays negative: a load opens a mesh without limit. Without a load the remaining
+        # slope is a rounding error.
         return None if energy.load.any() else start
     return start - start_slope * (end - start) / increase

@@ -39,7 +39,10 @@ class Arithmetic(NamedTuple):
     pi: Any
 
     def zeros(self, *shape: int) -> np.ndarray:
-        """Return an array of zeros of this number type with the given shape."""
+        """Return an array of zeros of this number type with the given shape.
+
+        Each ball (an interval with a midpoint and an error bound) is a Python object.
+        """
         if self.dtype is not object:
             return np.zeros(shape, self.dtype)
         return np.array([self.convert(0.0)] * math.prod(shape), object).reshape(shape)
@@ -47,8 +50,8 @@ class Arithmetic(NamedTuple):
     def rotated(self, rows: Any, angle: Any) -> np.ndarray:
         """Transform the row vectors of a motion from rotated axes to the axes x and y.
 
-        `rows`, shape (2, n), refer to axes that are rotated counterclockwise by an angle in rad;
-        the result has the same shape.
+        `rows`, shape (2, n), map n coordinates to the motion along two axes that are rotated
+        counterclockwise by an `angle` in rad; the result, of the same shape, maps them to x and y.
         """
         cosine, sine = self.cos_sin(angle)
         return np.stack([cosine * rows[0] - sine * rows[1], sine * rows[0] + cosine * rows[1]])
@@ -92,11 +95,11 @@ class Structure(NamedTuple):
 
 
 def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Structure:
-    """Assemble the matrices of a train in SI units.
+    """Assemble the `Structure` of a train, its matrices in SI units.
 
-    `bodies` maps names to `Body`; `meshes` and `shafts` are lists. The matrices are computed in an
-    `Arithmetic`, floats or balls. If `rotations_first` is True, rotations are the first
-    coordinates; otherwise coordinates are in the order of the bodies.
+    `bodies` maps names to `Body`; `meshes` and `shafts` are lists. An `Arithmetic` computes with
+    floats or balls (intervals). Rotations are the first coordinates if `rotations_first`; otherwise
+    coordinates are in the order of the bodies.
     """
     coordinates = _coordinates(bodies, rotations_first)
     n, convert = len(coordinates), arithmetic.convert
@@ -156,9 +159,9 @@ def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Stru
 def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
     """Return the `Structure` of a train with given `Matrices` in place of bodies and shafts.
 
-    `bodies` maps the names of the gears to `Body`, and `meshes` is a list. The structure has
-    springs, which are the rows of a triangular factor of the symmetric part of the stiffness
-    matrix, and masses, which are the rows of a triangular factor of the mass matrix.
+    `bodies` maps the names of the gears to `Body`, `meshes` is a list, and `arithmetic` computes
+    with floats or balls (intervals that enclose numbers). Triangular factors of the symmetric part
+    of the stiffness matrix and of the mass matrix serve as springs and masses.
     """
     n = len(matrices.coordinates)
     convert = np.vectorize(arithmetic.convert, otypes=[arithmetic.dtype])
@@ -199,11 +202,11 @@ def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
 
 
 def _springs_of(stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return springs that have a given symmetric stiffness matrix, shape (n, n).
+    """Return springs, as (rows, stiffnesses), that have a given symmetric stiffness matrix.
 
-    The result is (rows, stiffnesses), shapes (s, n) and (s,), with rows.T @ rows equal to the
-    matrix and all stiffnesses 1. Cholesky factorisation with diagonal pivoting keeps free motions,
-    which no spring resists, accurate to rounding.
+    `stiffness` has the shape (n, n). The s rows, shape (s, n), satisfy rows.T @ rows = stiffness,
+    and all s stiffnesses are 1. Cholesky factorisation with diagonal pivoting leaves out motions
+    that no spring resists, up to rounding.
     """
     from scipy.linalg.lapack import dpstrf
 
@@ -211,6 +214,7 @@ def _springs_of(stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     factor, order, rank, _ = dpstrf(stiffness / np.outer(scale, scale), lower=1, tol=RELATIVE_ZERO)
     rows = np.zeros((rank, n))
+    # LAPACK counts the pivots in `order` from 1.
     rows[:, order - 1] = np.tril(factor)[:, :rank].T
     return rows * scale, np.ones(rank)
 
@@ -218,9 +222,9 @@ def _springs_of(stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _coordinates(bodies: dict, rotations_first: bool) -> list:
     """Return the coordinates of a train as pairs (name of a body, "x", "y" or "u").
 
-    `bodies` maps names to `Body`. A motion of an axis along x or y, or a rotation u as arc length
-    on the base circle, is a coordinate if its support has a finite stiffness, 0 included. If
-    `rotations_first` is True, rotations are the first coordinates.
+    x and y are the motions of the axis, u is the rotation as arc length on the base circle. A
+    motion is a coordinate if the stiffness of its support is finite, 0 included; otherwise it is
+    prevented. `bodies` maps names to `Body`. If `rotations_first`, rotations come first.
     """
     coordinates = []
     for body in bodies.values():
@@ -233,12 +237,12 @@ def _coordinates(bodies: dict, rotations_first: bool) -> list:
 
 
 def _motions(bodies: dict, coordinates: list, arithmetic: Arithmetic) -> tuple[dict, dict]:
-    """Return the row vectors of body motions and of support deflections as (rows, supports).
+    """Return the row vectors of body motions and of support deflections as dicts (rows, supports).
 
-    Both are dicts by body name. An entry of `rows`, shape (3, n), maps the n coordinates to the
-    displacements x and y of the axis and the rotation u as arc length; axes of a carried body are
-    radial and tangential. An entry of `supports`, shape (2, n), maps them to the deflections of the
-    support in both directions. `coordinates` is the result of `_coordinates`.
+    Both map body names to arrays that n coordinates are multiplied by. An entry of `rows`, shape
+    (3, n), gives x and y of the axis and the rotation u as arc length; for a body on a carrier x is
+    radial and y tangential. An entry of `supports`, shape (2, n), gives the deflections of its
+    support along these axes. `coordinates` is the result of `_coordinates`.
     """
     n = len(coordinates)
     rows = {name: arithmetic.zeros(3, n) for name in bodies}
@@ -252,6 +256,7 @@ def _motions(bodies: dict, coordinates: list, arithmetic: Arithmetic) -> tuple[d
             radial, tangential = arithmetic.rotated([x, y], -body.angle)
             pin = np.stack([radial, tangential + rotation])
             supports[name] = supports[name] - pin
+            # A body on a rigid support moves with the pin.
             for axis, stiffness in enumerate(body.support_stiffness):
                 if math.isinf(stiffness):
                     rows[name][axis] = pin[axis]
@@ -259,9 +264,10 @@ def _motions(bodies: dict, coordinates: list, arithmetic: Arithmetic) -> tuple[d
 
 
 def _sum_of_squares(arithmetic: Arithmetic, n: int, terms: list) -> np.ndarray:
-    """Return the sum of value row^T row over all terms, shape (n, n).
+    """Return the sum of value row^T row over all terms, a matrix of shape (n, n).
 
-    `terms` is a list of pairs (row vector of shape (n,), value), such as springs or masses.
+    `terms` are springs, masses or dampers: pairs (row vector of shape (n,), value). `arithmetic` is
+    the number type, floats or balls.
     """
     total = arithmetic.zeros(n, n)
     for row, value in terms:
@@ -273,10 +279,10 @@ def _lines(meshes, motions, n, arithmetic) -> tuple[np.ndarray, np.ndarray, np.n
     """Return the row vectors of m meshes as (lines, sliding, line_vectors), fields of `Structure`.
 
     `lines` and `sliding`, (m, n) each, map the n coordinates to the approach of the flanks along
-    the line of action and to the sliding of the axes across it. `line_vectors`, (m, 2, 2), are unit
-    vectors of the line of action with the signs of pinion and wheel. `motions` maps the name of a
-    body to the row vectors of its axis along x and y and of its rotation as arc length on the base
-    circle, shape (3, n).
+    the line of action, and to the sliding of the axes across it. `line_vectors`, (m, 2, 2), are the
+    unit vectors of the line of action with the signs of pinion and wheel. `motions` maps the name
+    of a body to rows of shape (3, n): its axis along x and y, and its rotation as arc length on the
+    base circle.
     """
     lines, sliding = arithmetic.zeros(2, len(meshes), n)
     line_vectors = arithmetic.zeros(len(meshes), 2, 2)
@@ -293,19 +299,21 @@ def _lines(meshes, motions, n, arithmetic) -> tuple[np.ndarray, np.ndarray, np.n
             line_vectors[j] = (e, -e)
             sign = 1.0
         lines[j] = e @ (plus[:2] - minus[:2]) + mesh.direction * (plus[2] + sign * minus[2])
-        # At direction 1 a pinion slides past the pitch point a quarter turn counterclockwise of e.
-        # Its mirror image and a ring gear, slower than its pinion, slide clockwise.
+        # At direction 1 the gear `plus`, a pinion, slides past the pitch point along e turned by 90
+        # degrees counterclockwise. Its mirror image (direction -1) slides the opposite way, and so
+        # does a ring gear as `plus`, because it is slower than its pinion.
         across = np.array([-e[1], e[0]])
         sliding[j] = mesh.direction * sign * (across @ (plus[:2] - minus[:2]))
     return lines, sliding, line_vectors
 
 
 def coast_lines(structure, bodies, meshes, arithmetic=FLOAT_ARITHMETIC) -> np.ndarray:
-    """Return the row vectors that map n coordinates to the coast-side distances of meshes, (m, n).
+    """Return the row vectors that map n coordinates to coast-side distances of m meshes, (m, n).
 
-    `structure` is the `Structure` of the train, and `bodies` maps names to `Body`. In a mesh with
-    moving backlash, the coast-side flanks follow the axes, so that deflections of the supports do
-    not change the distance.
+    The coast side has the flanks that touch when the load is reversed. In a mesh with moving
+    backlash they follow the axes, so that deflections of the supports do not change their distance;
+    in other meshes the rows are those of the drive side. `structure` is the `Structure` of the
+    train, and `bodies` maps names to `Body`.
     """
     lines = structure.lines.copy()
     motions = dict(zip(bodies, structure.motions, strict=True))
