@@ -21,20 +21,23 @@ _DIRECTIONS = {"up": ("#0072B2", "^"), "down": ("#D55E00", "v")}
 
 
 def draw(data: xr.Dataset) -> dict[str, Figure]:
-    """Return the figures of convergence and of harmonics, in a dict by name.
+    """Return the figures of convergence and of harmonics of the analytic method, by name.
 
-    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`.
+    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`. The method
+    computes a periodic orbit by iterating on its Fourier coefficients.
     """
     return {"analytic_method": draw_convergence(data), "harmonic_balance": draw_harmonics(data)}
 
 
 @style.styled()
 def draw_convergence(data: xr.Dataset):
-    """Return a figure of iterates, their errors, and contraction factors of the analytic method.
+    """Return a figure of iterates of the analytic method, their errors, and contraction factors.
 
-    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`; its dimension
-    "shown" holds the tunings that have a panel of their own. Markers show iterates after which a
-    Newton step (`algebraic_step`) solves for the degenerate (near-resonant) harmonics.
+    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`. The method
+    iterates on the Fourier coefficients of an orbit. Its dimension "shown" holds the tunings (mesh
+    frequency over natural frequency) that have a panel of their own. Circles mark iterates that are
+    followed by a Newton step (`algebraic_step` = 1), which solves for the degenerate
+    (near-resonant) harmonics.
     """
     figure = style.page_figure(height=7.6)
     areas = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
@@ -52,9 +55,11 @@ def draw_convergence(data: xr.Dataset):
 
 
 def _draw_iterates(figure, data: xr.Dataset):
-    """Draw iterates over the exact orbit, in a panel for each tuning of the dimension "shown".
+    """Draw some iterates of the analytic method over the exact orbit, a panel for each tuning.
 
-    Titles give `degenerate_chosen`, the number of degenerate (near-resonant) harmonics.
+    The tunings (mesh frequency over natural frequency) are those of the dimension "shown" of
+    `data`; `_ITERATION_COLOURS` says which iterations are drawn. Titles state `degenerate_chosen`,
+    the number of degenerate (near-resonant) harmonics.
     """
     iterations = [number for number in _ITERATION_COLOURS if number in data.iteration]
     styles = {n: {"color": _ITERATION_COLOURS[n], "label": f"iteration {n}"} for n in iterations}
@@ -72,8 +77,11 @@ def _draw_iterates(figure, data: xr.Dataset):
 def _draw_contraction(figure, data: xr.Dataset):
     """Draw maps of the contraction factor over tuning and number of degenerate harmonics.
 
-    A harmonic is degenerate if it is near resonance. The stepped line is `automatic`, the number of
-    degenerate harmonics that gearlib chooses by itself.
+    The contraction factor is the factor by which an iteration changes a small error; the tuning is
+    the mesh frequency over the natural frequency. A harmonic is degenerate if it is near resonance.
+    The stepped line, `automatic`, is the number of degenerate harmonics that gearlib chooses by
+    itself. The upper map is for gears that never lose contact, the lower one for gears with
+    backlash.
     """
     grid = figure.subplots(2, 1, sharex=True)
     counts = data.degenerate_count.values
@@ -81,6 +89,7 @@ def _draw_contraction(figure, data: xr.Dataset):
         case = data.isel(contact_loss=k)
         options = {"cmap": "RdBu_r", "norm": LogNorm(0.01, 100.0), "rasterized": True}
         image = axes.pcolormesh(data.tuning, counts, case.contraction, **options)
+        # Crosses mark iterations that did not converge although their factor is known.
         rows, columns = np.nonzero((case.converged == 0) & case.contraction.notnull())
         options = {"markeredgewidth": 0.7, "label": "diverged"}
         tunings = data.tuning.values[columns]
@@ -97,10 +106,11 @@ def _draw_contraction(figure, data: xr.Dataset):
 
 @style.styled()
 def draw_harmonics(data: xr.Dataset):
-    """Return a figure of errors over the number of harmonics, and the harmonic-balance curve.
+    """Return a figure of errors over the number of harmonics, above a harmonic-balance curve.
 
     `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`; its dimension
-    "shown" holds the tunings that have a panel of errors.
+    "shown" holds the tunings (mesh frequency over natural frequency) that have a panel of errors.
+    The curve shows the extrema of the displacement by harmonic balance, and by exact sweeps.
     """
     figure = style.page_figure(height=5.4)
     error_area, resonance_area = figure.subfigures(2, 1, height_ratios=[2.4, 3.0])
@@ -119,9 +129,10 @@ def draw_harmonics(data: xr.Dataset):
 
 
 def _draw_errors(axes, data: xr.Dataset):
-    """Draw the errors of both methods at one tuning over the number of harmonics h.
+    """Draw the errors of both methods at one tuning over the number h of harmonics.
 
-    Dotted lines show the slopes of 1/h^2 and 1/h.
+    `_METHODS` names the methods, harmonic balance and that of E. Schmidt; there are errors of
+    displacement and of velocity. Dotted lines show the slopes of 1/h^2 and 1/h.
     """
     for method, (_, colour, marker, face) in _METHODS.items():
         options = {"color": colour, "marker": marker, "markerfacecolor": face, "markersize": 3.5}
@@ -138,7 +149,11 @@ def _draw_errors(axes, data: xr.Dataset):
 
 
 def _draw_resonance(figure, data: xr.Dataset):
-    """Draw the displacement extrema of harmonic balance (markers) and of exact sweeps (lines)."""
+    """Draw the displacement extrema of harmonic balance (markers) and of exact sweeps (lines).
+
+    They are drawn over the tuning (mesh frequency over natural frequency), for increasing and
+    decreasing tuning. Open markers are unstable orbits.
+    """
     axes = figure.subplots()
     for direction, (colour, marker) in _DIRECTIONS.items():
         sweep = data.sel(direction=direction)

@@ -29,11 +29,13 @@ SPECIAL_POINTS = {
 
 @style.styled()
 def draw_branches(branches: xr.Dataset, loci: xr.Dataset):
-    """Return a figure of orbit branches with special points, above the loci of these points.
+    """Return a figure of branches of periodic orbits, above the loci of their special points.
 
     `branches` and `loci` are results of the functions of the same name in
-    `gearlib.studies.resonance`. The variable orbit_height is the peak-to-peak displacement. A
-    dotted line marks own_damping, the damping ratio at which the branches were computed.
+    `gearlib.studies.resonance`. Special points are folds, period doublings and so on, see
+    `SPECIAL_POINTS`; a locus is the curve of tuning and damping along which such a point moves. The
+    variable orbit_height is the peak-to-peak displacement. A dotted line marks own_damping, the
+    damping ratio of the branches.
     """
     figure = style.page_figure(_HEIGHT)
     branch_axes, locus_axes = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
@@ -57,12 +59,15 @@ def draw_branches(branches: xr.Dataset, loci: xr.Dataset):
 def draw_curve(axes, branches: xr.Dataset, variable: str, colour: str, width=1.0, zorder=2.0):
     """Draw a variable of orbit branches over the tuning, dashed where orbits are unstable.
 
-    `variable` is its name, `width` the line width in points.
+    `branches` has an entry for each orbit: its tuning (mesh frequency over natural frequency),
+    whether it is stable, the number of its branch. `variable` is the name of the variable on the
+    vertical axis, `width` the line width in points.
     """
     tuning, values = branches.tuning.values, branches[variable].values
     stable = branches.stable.values.astype(bool)
     for branch_number in np.unique(branches.branch):
         points = np.flatnonzero(branches.branch == branch_number)
+        # Stability is constant within a section of the branch.
         section_starts = np.flatnonzero(np.diff(stable[points].astype(int))) + 1
         for section in np.split(points, section_starts):
             # The line starts at the last point before stability changes, so that no gap appears.
@@ -73,10 +78,11 @@ def draw_curve(axes, branches: xr.Dataset, variable: str, colour: str, width=1.0
 
 
 def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, size=4.5):
-    """Draw the markers of special points of branches, of `size` points.
+    """Draw markers at the special points of branches of orbits, such as folds; `size` is in points.
 
-    `x`, `y` and `labels` have an entry for each point of a branch. A label is a key of
-    `SPECIAL_POINTS`, or another number for an ordinary point, which gets no marker.
+    `x`, `y` and `labels` have an entry for each orbit of a branch. A label is the code of a kind of
+    special point, a key of `SPECIAL_POINTS`, or another number for an ordinary orbit, which gets no
+    marker.
     """
     x, y, labels = (np.asarray(values) for values in (x, y, labels))
     for code, (_, colour, marker) in SPECIAL_POINTS.items():
@@ -86,10 +92,11 @@ def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, siz
 
 
 def legend_entries(labels: ArrayLike, point_line="none") -> list:
-    """Return legend handles for branches and for the kinds of special points on them.
+    """Return legend handles for branches of orbits and for the kinds of special points on them.
 
-    `labels` are codes, keys of `SPECIAL_POINTS`. `point_line` is the line style in the entries of
-    special points: "none" for a marker alone, "-" if the figure also has loci, drawn as lines.
+    `labels` are codes of special points, keys of `SPECIAL_POINTS`; only kinds that occur get an
+    entry. `point_line` is the line style in their entries: "none" for a marker alone, "-" if the
+    figure also shows the loci of special points, which are lines.
     """
     handles = [
         style.legend_entry("stable orbit"),
@@ -102,10 +109,11 @@ def legend_entries(labels: ArrayLike, point_line="none") -> list:
 
 
 def _draw_locus(axes, locus: xr.Dataset):
-    """Draw damping over tuning along the locus of a special point.
+    """Draw the locus of a special point of orbits: a curve of damping over tuning.
 
-    The locus consists of two lines, stored one after the other. Each starts at the special point,
-    where the damping equals own_damping, the damping of the branches.
+    The point moves along this curve if tuning and damping change together. The locus consists of
+    two lines in opposite directions, stored one after the other. Each starts at the special point
+    itself, where the damping ratio equals `own_damping`, the one of the branches.
     """
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
     damping, branch_damping = locus.damping_ratio.values, float(locus.own_damping)
@@ -115,13 +123,15 @@ def _draw_locus(axes, locus: xr.Dataset):
 
 
 def _write_tunings(axes, branches: xr.Dataset):
-    """Write the tuning beside each special point of the branches.
+    """Write the tuning beside each special point (fold etc.) of branches of orbits.
 
-    Points that are closer than a text is wide and high share one text, which lists their tunings.
+    The tuning is the mesh frequency over the natural frequency. Points that are closer than a text
+    is wide and high share one text, which lists their tunings.
     """
     tuning, height = branches.tuning.values, branches.orbit_height.values
     labels = branches.label.values
-    # Positions are in multiples of the text width and height.
+    # Positions are in multiples of the width and height of a text, so that texts of points less
+    # than 1 apart in both coordinates would overlap.
     x = tuning / (np.ptp(tuning) or 1.0) / TEXT_WIDTH
     positions = np.stack([x, height / np.ptp(axes.get_ylim()) / TEXT_HEIGHT])
     remaining = np.flatnonzero(np.isin(labels, [*SPECIAL_POINTS]))
@@ -132,6 +142,7 @@ def _write_tunings(axes, branches: xr.Dataset):
         text = ", ".join(style.number_texts(np.sort(tuning[group]), digits=4, form="f", decimals=4))
         # The text stands beside the point whose label has the lowest code.
         anchor_point = group[labels[group].argmin()]
+        # The neighbours are a few orbits away, because close to a fold the tuning hardly changes.
         before = tuning[max(anchor_point - POINTS_BESIDE_FOLD, 0)]
         after = tuning[min(anchor_point + POINTS_BESIDE_FOLD, tuning.size - 1)]
         side = int(np.sign(tuning[anchor_point] - before) + np.sign(tuning[anchor_point] - after))
@@ -164,14 +175,14 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 
 @style.styled()
 def draw_jump(jumps: xr.Dataset, marked=()):
-    """Return a figure of the peak-to-peak displacement over the tuning, and of shifts of its jump.
+    """Return a figure of the jump of the motion from rest, and of shifts of this jump.
 
-    `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`: the jump of runs that vary one
-    quantity each. Its first variation is the unchanged run from rest, relative to whose jump the
-    shifts are measured; `switches` is the number of jumps. `marked` has up to two tunings to
-    compare with the jump, drawn as dashed lines and as an orange band between their shifts. Pale
-    bars are ranges of shifts over many initial states. Values without a jump are listed above their
-    panel.
+    The upper panel shows the peak-to-peak displacement over the tuning (mesh frequency over natural
+    frequency). `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`: runs that vary one
+    quantity (`kind`) each, the first of which is the unchanged run; `switches` is the number of
+    jumps. The other panels show how far each variation shifts the jump; pale bars are ranges over
+    many initial states. `marked` has up to two tunings to compare with the jump, drawn as dashed
+    lines above and as an orange band in the panels of shifts.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * math.ceil(len(kinds) / 2)
@@ -179,6 +190,7 @@ def draw_jump(jumps: xr.Dataset, marked=()):
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     _draw_scan(figure.add_subplot(grid[0, :]), jumps, marked)
     for i, kind in enumerate(kinds):
+        # All panels of shifts share the y axis of the first one; axes 0 show the scan.
         first_panel = figure.axes[1] if i else None
         axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first_panel)
         variations = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind))
@@ -192,9 +204,10 @@ def draw_jump(jumps: xr.Dataset, marked=()):
 
 
 def _draw_scan(axes, jumps: xr.Dataset, marked):
-    """Draw the peak-to-peak displacement of the runs from rest over the tuning.
+    """Draw the peak-to-peak displacement ("height") of the runs from rest over the tuning.
 
-    It is the variable "height" of `jumps`. Dashed lines show the tunings `marked`.
+    The tuning is the mesh frequency over the natural frequency. The title states the tuning of the
+    jump; dashed lines show the tunings `marked`.
     """
     # The first variation is the run from rest.
     tuning, jump = jumps.tuning.values, float(jumps.jump[0])
@@ -212,18 +225,18 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
 
 
 def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
-    """Draw the shift of the jump, in tuning, over the varied quantity.
+    """Draw how far the tuning of the jump shifts if one quantity of the run is varied.
 
     `jumps` has the runs that vary this quantity, a point each; `switches` is the number of jumps in
-    the scan of a run. A band spans `marked_shifts`, for comparison. `label`, such as "name (unit)",
-    and `scale`, "linear" or "log", are the label and the scale of the x axis.
+    the scan of a run. A band spans `marked_shifts`, shifts for comparison. `label`, such as "name
+    (unit)", and `scale`, "linear" or "log", are the label and the scale of the x axis.
     """
     values, shifts = jumps.value.values, jumps["shift"].values
     if marked_shifts.size and np.isfinite(marked_shifts).all():
         band = marked_shifts.min(), marked_shifts.max()
         axes.axhspan(*band, color=_ORANGE, alpha=0.6, linewidth=0.6)
     axes.axhline(0.0, color="black", linewidth=0.6, linestyle=":")
-    # Stems replace a line, because the shift between the values is not known.
+    # Vertical stems replace a curve, because the shift between the varied values is not known.
     axes.vlines(values, 0.0, shifts, color=_BLUE, linewidth=0.6)
     axes.vlines(values, jumps.shift_low, jumps.shift_high, color=_BLUE, linewidth=4.0, alpha=0.3)
     jump_count = jumps.switches.values

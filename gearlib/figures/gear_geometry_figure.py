@@ -18,10 +18,10 @@ _MEAN_MARKERS, _TEXT_ROOM = "so^D", 3.6
 
 @style.styled()
 def draw_mesh_stiffness(stiffness: xr.Dataset):
-    """Return a figure of mesh stiffness over the mesh period, and of its mean, for each gear pair.
+    """Return a figure of mesh stiffness over the mesh period, with its mean, for each gear pair.
 
-    `stiffness` is a result of `gearlib.studies.gear_geometry.mesh_stiffness`. Bands show the stated
-    uncertainty of a method, crosses show published means.
+    `stiffness` is a result of `gearlib.studies.gear_geometry.mesh_stiffness`, with curves by
+    several methods. Bands show the stated uncertainty of a method, crosses show published means.
     """
     data = stiffness.copy()
     for variable in ("mesh_stiffness", "mean_mesh_stiffness", "published_stiffness"):
@@ -46,9 +46,9 @@ def draw_mesh_stiffness(stiffness: xr.Dataset):
 
 
 def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
-    """Draw the stiffness of a pair over the mesh period by each method; return legend handles.
+    """Draw the stiffness of a gear pair over a mesh period by each method; return legend handles.
 
-    `styles` maps each method to options of `Axes.plot`.
+    `styles` maps each method to options of `Axes.plot`. Two methods also get a band of uncertainty.
     """
     for method in _METHODS_WITH_UNCERTAINTY:
         curve = pair.sel(stiffness_method=method)
@@ -64,9 +64,10 @@ def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
 
 
 def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
-    """Draw the mean stiffness of a pair by each of four methods, and published means beside them.
+    """Draw the mean stiffness of a gear pair by each of four methods, and published means.
 
-    `styles` maps each method to options of `Axes.plot`.
+    `styles` maps each method to options of `Axes.plot`. The horizontal axis only separates the
+    values. Two methods get an error bar of their uncertainty.
     """
     methods = zip(styles.items(), _MEAN_MARKERS, strict=True)
     for x, ((method, options), marker) in enumerate(methods):
@@ -93,7 +94,7 @@ ERROR_LABEL = "static transmission error (µm)"
 
 @style.styled()
 def draw_harris_maps(data: xr.Dataset):
-    """Return a figure of Harris maps, the transmission error at several loads, for each tip relief.
+    """Return a figure of Harris maps (transmission error for several loads), one per tip relief.
 
     Panels below show the peak-to-peak error and the effective contact ratio over the load. `data`
     is a result of `gearlib.studies.gear_geometry.harris_map`; the line of the design load is thick.
@@ -126,11 +127,12 @@ def draw_harris_maps(data: xr.Dataset):
 def draw_errors(axes, data: xr.Dataset, loads: np.ndarray, design_load=1.0):
     """Draw the transmission error over two mesh periods, a line for each load.
 
-    `data` has the transmission_error, m, over (load, phase in rad). `loads` are the numbers that
-    label its lines, in any unit; the line of the load `design_load` is thick.
+    `data` has the variable transmission_error (m) over (load, phase in rad). `loads` are the
+    numbers, in any unit, that label the lines; the line of the load `design_load` is thick.
     """
     periods = data.phase.values / (2.0 * math.pi)
-    # The lightest colours are hard to see on white. The lower bound avoids a division by zero.
+    # The factor leaves out the lightest colours, which are hard to see on white. The bound 1e-9
+    # avoids a division by zero if all loads are zero.
     colours = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))
     texts, errors = style.number_texts(loads), data.transmission_error.values
     for load, text, colour, error in zip(loads, texts, colours, errors, strict=True):
@@ -151,8 +153,9 @@ _ISO_COLOUR, _OPERATING_COLOUR = "#8C8C8C", "#D55E00"
 def draw_dynamic_factor(curves: xr.Dataset):
     """Return a figure of dynamic factor and transmission error over the speed of the pinion.
 
-    `curves` is a result of `gearlib.studies.teeth_over_speed.over_speed`. Dotted lines with an
-    arrow show the speeds at which the motion jumps, a dashed line the operating speed.
+    `curves` is a result of `gearlib.studies.teeth_over_speed.over_speed`, for rising and falling
+    speed. Dotted lines with an arrow show the speeds at which the motion jumps, a dashed line the
+    operating speed.
     """
     figure = style.page_figure(height=4.6)
     factor_axes, error_axes = figure.subplots(2, 1, sharex=True)

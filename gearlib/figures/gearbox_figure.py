@@ -15,8 +15,9 @@ _MAX_MODES = 16
 def draw_outline(axes: Axes, outline: xr.Dataset) -> None:
     """Draw the shafts and gears of a gearbox to scale, seen from the side.
 
-    `outline` is a result of `Gearbox.outline`: its corner_position has the corners of each part, m,
-    its part_stage the name of the stage of a gear, "" for a shaft. Gears are coloured by stage.
+    `outline` is a result of `Gearbox.outline`: its variable corner_position has the corners of each
+    part, m, its part_stage the name of the gear stage to which a gear belongs, "" for a shaft. Each
+    stage has its colour.
     """
     stages = [str(stage) for stage in outline.part_stage.values]
     stage_names = dict.fromkeys(stage for stage in stages if stage)
@@ -47,9 +48,10 @@ def draw_view(outline: xr.Dataset):
 
 @style.styled()
 def draw_stages(stages: list[xr.Dataset]):
-    """Return a figure of dynamic factor and transmission error over the speed, a row per stage.
+    """Return a figure of dynamic factor and transmission error over the speed, one row per stage.
 
-    Each of `stages` is a result of `gearlib.studies.gearboxes.stage_over_speed`.
+    Each of `stages` is a result of `gearlib.studies.gearboxes.stage_over_speed` for one pair of
+    gears. Curves differ in the direction in which the speed changes.
     """
     figure = style.page_figure(height=1.9 * len(stages) + 0.5)
     grid = figure.subplots(len(stages), 2, squeeze=False)
@@ -73,14 +75,16 @@ def draw_stages(stages: list[xr.Dataset]):
 
 @style.styled()
 def draw_modes(box: xr.Dataset):
-    """Return a Campbell diagram of a gearbox, above the strain energies of its modes.
+    """Return a Campbell diagram of a gearbox, above the strain energies of its natural modes.
 
-    `box` is a result of `gearlib.studies.gearboxes.whole_box`. The bar of each mode is stacked from
-    the shares of the meshes and, hatched, of the shafts in its strain energy.
+    A Campbell diagram shows natural and mesh frequencies over the speed. `box` is a result of
+    `gearlib.studies.gearboxes.whole_box`. Below, each mode has a bar, stacked from the shares of
+    all meshes and, hatched, of all shafts in its strain energy.
     """
     figure = style.page_figure(height=5.6)
     campbell_axes, energy_axes = figure.subplots(2, 1)
     operating_speed = float(box.get("operating_speed", np.nan))
+    # The speed axis ends beyond the last critical speed, or at 1.5 times the operating speed.
     max_speed = 1.02 * float(box.critical_speed.values.max())
     if np.isfinite(operating_speed):
         max_speed = 1.5 * operating_speed
@@ -108,9 +112,10 @@ def draw_modes(box: xr.Dataset):
 
 
 def draw_run_up(spectrogram: xr.Dataset, frequencies: xr.Dataset):
-    """Return an order map of a run-up with lines at characteristic frequencies.
+    """Return an order map of a run-up (amplitudes over speed and order of the shaft).
 
-    `spectrogram` is a result of `gearlib.studies.gearboxes.run_up`; `frequencies` has variables of
-    `gearlib.characteristic_frequencies`.
+    `spectrogram` is a result of `gearlib.studies.gearboxes.run_up`. Lines mark `frequencies`, a
+    dataset with variables of `gearlib.characteristic_frequencies`. The dimension of the map is
+    renamed, because `order_map` expects the name "time".
     """
     return orders_figure.order_map(spectrogram.rename(block="time"), frequencies=frequencies)

@@ -30,9 +30,10 @@ _LEGEND_BELOW = {"loc": "upper center", "frameon": False, "columnspacing": 1.0}
 
 
 def attractor_colours(kinds: np.ndarray) -> list[str]:
-    """Return a colour for each attractor; `kinds` has their indices in `_KINDS`.
+    """Return a list of one colour per attractor (motion to which initial states lead).
 
-    Each periodic attractor (index 0) gets its own colour, attractors of another kind the same.
+    `kinds` has the kind of each attractor as an index in `_KINDS` (periodic 0, chaotic 1 and so
+    on). Each periodic attractor gets its own colour; attractors of any other kind share one.
     """
     periodic_colours = of_categories()
     return [_KIND_COLOURS[kind] or next(periodic_colours) for kind in kinds]
@@ -42,11 +43,13 @@ def attractor_colours(kinds: np.ndarray) -> list[str]:
 def draw_basins(data: xr.Dataset):
     """Return a figure of basins of attraction, a panel for each case.
 
-    `data` is a result of `gearlib.studies.global_picture.basin_cases`. Each initial state has the
-    colour of its attractor. Legends state the period of each attractor and the share of its basin.
+    `data` is a result of `gearlib.studies.global_picture.basin_cases`. Each point of a panel is an
+    initial state, in the colour of the motion (attractor) to which it leads. Legends state the
+    period of each attractor and the share of initial states in its basin.
     """
     figure, grid = style.panel_figure(data.sizes["case"], height=3.9)
     for i, axes in enumerate(grid):
+        # Basins have the numbers of their attractors; a case may have fewer than the dimension.
         case = data.isel(case=i, attractor=slice(int(data.basin[i].max()) + 1))
         colours = attractor_colours(case.attractor_kind.values)
         states = case.displacement.values, case.velocity.values
@@ -61,9 +64,10 @@ def draw_basins(data: xr.Dataset):
 
 
 def _mark_attractor(axes, attractor: xr.Dataset, colour: str, marker: str):
-    """Mark the stroboscopic states of an attractor if it is periodic, and add its legend label.
+    """Draw markers at the states of an attractor once per mesh period, with a label for the legend.
 
-    The label states period or kind, and the share of the basin with its standard error.
+    Only periodic attractors have such markers. The label states the period or the kind, and the
+    percentage of the initial states that lead to the attractor, with its standard error.
     """
     kind, share = int(attractor.attractor_kind), 100.0 * float(attractor.share)
     is_periodic = kind == _PERIODIC
@@ -75,9 +79,10 @@ def _mark_attractor(axes, attractor: xr.Dataset, colour: str, marker: str):
 
 
 def _label_plane(axes, prefix=""):
-    """Label the axes of a phase plane, the velocity only if it is in the first column of panels.
+    """Label the axes of a phase plane, displacement and velocity.
 
-    `prefix`, such as "initial ", precedes the names of both quantities.
+    `prefix`, such as "initial ", precedes both names. The velocity is labelled only in the first
+    column of panels, which share this axis.
     """
     axes.set_xlabel(f"{prefix}displacement (static defl.)")
     if axes.get_subplotspec().is_first_col():
@@ -86,11 +91,12 @@ def _label_plane(axes, prefix=""):
 
 @style.styled()
 def draw_sections(data: xr.Dataset):
-    """Return a figure of Poincaré sections, a panel for each case.
+    """Return a figure of Poincaré sections (states once per mesh period), a panel for each case.
 
-    `data` is a result of `gearlib.studies.global_picture.sections`. Chaotic orbits are orange,
-    undecided orbits grey, regular orbits have other colours. Titles state the mesh phase tau of the
-    section.
+    `data` is a result of `gearlib.studies.global_picture.sections`; its variable chaotic has a code
+    for each orbit: 1 for chaotic orbits, drawn in orange, 2 for undecided ones, drawn in grey;
+    regular orbits have other colours. Titles state the mesh phase tau at which the states are
+    recorded.
     """
     figure, grid = style.panel_figure(data.sizes["case"], height=3.3)
     for i, axes in enumerate(grid):
@@ -99,7 +105,7 @@ def draw_sections(data: xr.Dataset):
         is_undecided = case.chaotic.values == _UNDECIDED
         colours = np.resize(_REGULAR_COLOURS, is_chaotic.size)
         colours[is_chaotic], colours[is_undecided] = _CHAOTIC_COLOUR, _UNDECIDED_COLOUR
-        # Chaotic orbits are drawn first, so that islands in them are visible.
+        # Chaotic orbits are drawn first, so that regular orbits among them stay visible.
         for j in np.argsort(~is_chaotic, kind="stable"):
             states, size = (case.displacement[j], case.velocity[j]), 0.9 if is_chaotic[j] else 1.2
             style.draw_markers(axes, *states, ".", colours[j], size, **_MARKER_OPTIONS)
@@ -117,10 +123,11 @@ def draw_sections(data: xr.Dataset):
 def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
     """Return a figure of a bifurcation diagram, Lyapunov exponents and shares of attractors.
 
-    `diagram` and `shares` are both results of `gearlib.studies.global_picture.bifurcation`. If
-    `branches`, a result of `gearlib.studies.resonance.branches`, is given, the diagram also shows
-    these branches. The first word of a direction in `diagram` is "up", "down" or "cold", which
-    means random initial states; several directions may begin with the same word.
+    All are drawn over the tuning (mesh frequency over natural frequency). `diagram` and `shares`
+    are both results of `gearlib.studies.global_picture.bifurcation`. If `branches` of periodic
+    orbits, a result of `gearlib.studies.resonance.branches`, is given, they are also drawn in the
+    diagram. The first word of a direction in `diagram` is "up" or "down" (the tuning increases or
+    decreases) or "cold" (random initial states); several directions may begin with the same word.
     """
     figure = style.page_figure(height=6.6)
     grid = figure.subplots(3, 1, sharex=True, height_ratios=(2.4, 1.0, 1.4))
@@ -130,6 +137,7 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
             if direction.split()[0] != kind:
                 continue
             motion = diagram.sel(direction=direction)
+            # There are several dots per tuning, one for each recorded mesh period ("strobe").
             points = motion.tuning, motion.displacement.transpose("tuning", "strobe")
             style.draw_markers(diagram_axes, *points, ".", colour, size, **_MARKER_OPTIONS)
             diagram_axes.lines[-1].set_label(label)
@@ -150,10 +158,11 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
 
 
 def _draw_exponents(axes, motion: xr.Dataset, colour: str, warm_started: bool):
-    """Draw the largest Lyapunov exponents of one direction over the tuning, as dots.
+    """Draw the largest Lyapunov exponents of one direction of a sweep over the tuning, as dots.
 
-    Motions that are `warm_started` from the previous tuning have a line instead of dots where they
-    settle, and a band of `BAND_HALF_WIDTH` standard errors.
+    The tuning is the mesh frequency over the natural frequency. If each run started at the end of
+    the previous one (`warm_started`), tunings at which the motion became periodic (`settled`) have
+    a line instead of dots, and a band shows `BAND_HALF_WIDTH` standard errors of the exponent.
     """
     exponent, error = motion.exponent, BAND_HALF_WIDTH * motion.uncertainty
     has_line = motion.settled.astype(bool) & warm_started
@@ -166,22 +175,28 @@ def _draw_exponents(axes, motion: xr.Dataset, colour: str, warm_started: bool):
 
 
 def _draw_branches(axes, branches: xr.Dataset):
-    """Draw the displacement at mesh phase 0 along continued branches, dashed where unstable."""
+    """Draw branches of periodic orbits over the tuning, dashed where the orbits are unstable.
+
+    The tuning is the mesh frequency over the natural frequency. The displacement, entry 0 of
+    `state`, is the one at the start of a mesh period.
+    """
     for _, branch in branches.groupby("branch"):
         stable = branch.stable.values.astype(bool)
         curves = (stable, "continued, stable", "-"), (~stable, "unstable", "--")
         for mask, label, dashes in curves:
-            # Each line ends at the first point of the next one, so that no gap appears.
+            # The mask is extended by the point after each section, where the next line begins, so
+            # that no gap appears.
             extended_mask = mask | np.append(False, mask[:-1])
             displacement = branch.state[:, 0].where(extended_mask)
             axes.plot(branch.tuning, displacement, color="black", ls=dashes, lw=0.7, label=label)
 
 
 def _draw_family_shares(axes, shares: xr.Dataset):
-    """Draw each attractor family's share of the initial states over the tuning, stacked.
+    """Draw over the tuning which share of the initial states leads to which motion, stacked.
 
-    Labels state the peak-to-peak displacement ("height") at the tuning where the share of a family
-    is largest. Families with small shares have no label, see `MIN_SHARE_IN_LEGEND`.
+    The tuning is the mesh frequency over the natural frequency. A family is one attractor followed
+    over the tuning. Its label states the peak-to-peak displacement ("height") where its share is
+    largest; families whose share stays below `MIN_SHARE_IN_LEGEND` have no label.
     """
     share = shares.share.transpose("attractor_family", ...).fillna(0.0)
     peak_to_peak = shares.displacement_max - shares.displacement_min

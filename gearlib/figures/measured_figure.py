@@ -19,12 +19,13 @@ _MEASURED_ENTRY = style.legend_entry("measured", _POINT_COLOUR, "none", ".")
 
 
 def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) -> list:
-    """Draw measured points of the observables `names` over the tuning; return legend handles.
+    """Draw measured values of the variables `names` over the tuning; return legend handles.
 
-    `curves` are results of `gearlib.studies.measured.measured_response_curve`, one for each
-    measured set. Markers are open if the gain or offset of the sensor is unknown; dotted lines show
-    the speeds of jumps. `computed` maps names of the computed curves in the axes to `CurveStyle`s,
-    whose colours are not used again. The axis limits do not change.
+    The tuning is the mesh frequency over the natural frequency. `curves` are results of
+    `gearlib.studies.measured.measured_response_curve`, one for each measured set. Markers are open
+    if the gain or offset of the sensor is unknown; their shape shows whether the speed rises or
+    falls. Dotted lines show the speeds of jumps. `computed` maps names of the computed curves in
+    the axes to `CurveStyle`s, whose colours are not used again. The axis limits do not change.
     """
     handles = []
     axis_limits = {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
@@ -35,6 +36,7 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) ->
         for name in measured_names:
             attrs = curve[name].attrs
             face = "none" if attrs["unknown_gain"] or attrs["unknown_offset"] else colour
+            # Gain and offset of the sensor are removed.
             values = (curve[name] - attrs["fitted_offset"]) / attrs["fitted_gain"]
             options = {"markerfacecolor": face, "markeredgewidth": 0.5, "zorder": 3}
             for sign, marker in _DIRECTION_MARKERS.items():
@@ -58,9 +60,9 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
     """Return a figure of measured and computed time histories, a panel for each.
 
     `courses` are results of `gearlib.studies.measured.time_history_harmonics`. Each has time
-    histories (dimension "course") of some observables, with measured samples `point` at the mesh
-    phases `point_phase`. `colours` maps names of dampings to colours; other dampings get colours of
-    the palette.
+    histories (dimension "course") of some measured quantities ("observable"), with samples `point`
+    at the mesh phases `point_phase`. `colours` maps names of damping combinations, for which the
+    histories were computed, to colours; others get colours of the palette.
     """
     histories = [
         data.isel(course=i, observable=j)
@@ -87,11 +89,13 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
 
 @style.styled()
 def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = None):
-    """Return a figure of measured and computed mesh orders, observables in rows, orders in columns.
+    """Return a figure of measured and computed amplitudes of mesh orders, one panel for each order.
 
-    `orders` are results of `gearlib.studies.measured.run_up_orders`, over run-ups ("track") and the
-    orders z, 2z, ... of a gear with z teeth. `colours` maps names of dampings to colours. Levels
-    are in dB relative to the largest amplitude, so that they do not depend on the sensor gain.
+    `orders` are results of `gearlib.studies.measured.run_up_orders`: amplitudes over run-ups
+    ("track"), measured quantities ("observable") and the orders z, 2z, ... of a gear with z teeth,
+    which are the columns of the figure. `colours` maps names of damping combinations to colours.
+    Levels are in dB relative to the largest amplitude, so that they do not depend on the sensor
+    gain.
     """
     row_data = [
         data.isel(track=i, observable=j)
@@ -176,7 +180,7 @@ def fit(found, *, figure: Figure | None = None):
 
 
 def _draw_curve(axes, curve):
-    """Draw measured values of a curve as dots, fitted values as a line, dotted where speed falls.
+    """Draw a measured curve as dots and the fitted curve as a line, dotted where the speed falls.
 
     `curve` is one of the curves over speed or phase that `Fit.curves` returns.
     """
@@ -195,10 +199,10 @@ def _draw_curve(axes, curve):
 
 
 def _draw_speeds(axes, speeds: list):
-    """Draw fitted minus measured speeds of jumps, with 95 % intervals of the measured speeds.
+    """Draw fitted minus measured speeds, with 95 % intervals of the measured speeds.
 
-    `speeds` are the single speeds that `Fit.curves` returns, in rpm; `deviation` is the standard
-    deviation of the measured speed.
+    `speeds` are the speeds of jumps and of the onset of contact loss that `Fit.curves` returns, in
+    rpm; `deviation` is the standard deviation of a measured speed.
     """
     positions = np.arange(len(speeds))
     options = {"fmt": ".", "color": _MEASURED_COLOUR, "capsize": 3, "label": "measured"}

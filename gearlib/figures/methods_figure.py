@@ -47,14 +47,14 @@ _LINE_OPTIONS["markeredgecolor"] = "white"
 
 @style.styled()
 def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> dict[str, Figure]:
-    """Return figures of errors over evaluations of the right-hand side and over wall time.
+    """Return figures of the errors of methods of integration over their cost, in a dict by name.
 
     `errors` and `times` are results of the functions of the same name in
-    `gearlib.studies.trials.work_precision`, one for each method. The figures
-    "work_precision_evaluations" and "work_precision_time" show errors of the final state,
-    "work_precision_measures" shows errors of event phases and Floquet multipliers. Methods that
-    never evaluate the right-hand side are at the left edge. Times shorter than one evaluation of
-    the closed-form solution, which holds while the contact lasts, are grey.
+    `gearlib.studies.trials.work_precision`, one for each method. "work_precision_evaluations" and
+    "work_precision_time" show errors of the final state over evaluations of the right-hand side and
+    over wall time, "work_precision_measures" errors of event phases and Floquet multipliers.
+    Methods that never evaluate the right-hand side are at the left edge. Grey areas are out of
+    reach: errors below rounding, and times shorter than one evaluation of the closed-form solution.
     """
     data = _concatenate(errors).assign(period_time=_concatenate(times).period_time)
     states = _panels_with_errors(data, "state")
@@ -65,7 +65,7 @@ def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> di
         "measures": _draw_panels(data, evaluations, measures, "rounding"),
         "time": _draw_panels(data, "period_time", states, "rounding; less than one closed form"),
     }
-    # The shortest of the measured times is the least disturbed one.
+    # The shortest of the measured times is the one least disturbed by other processes.
     closed_form_time = min(float(method.closed_form_time) for method in times)
     for axes in figures["time"].axes:
         axes.set_xlim(left=0.3 * closed_form_time)
@@ -74,24 +74,29 @@ def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> di
 
 
 def _concatenate(datasets: list[xr.Dataset]) -> xr.Dataset:
-    """Return one dataset of all methods, joined along the dimension "rung" of accuracy levels."""
+    """Join the datasets of all methods along the dimension "rung".
+
+    Each entry of this dimension is a method with one setting of its accuracy, such as a tolerance.
+    """
     return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
 
 
 def _panels_with_errors(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
-    """Return a pair (problem, kind) for each problem in which errors of a kind are known.
+    """Return a list of pairs (problem, kind) for all problems whose errors are known.
 
-    `kind` is "state", "event" or "multiplier".
+    `kind` is "state", "event" or "multiplier": the quantity of which `data` has errors.
     """
     has_errors = data[f"{kind}_error"].notnull().any("rung")
     return [(problem, kind) for problem in data.problem.values[has_errors.values]]
 
 
 def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_label: str):
-    """Return a figure of errors over cost, with a panel for each pair (problem, kind of error).
+    """Return a figure of the errors of methods over their cost, with a panel for each problem.
 
-    `data` has all methods, `cost` is the name of its variable on the horizontal axes,
-    `panel_errors` are the pairs, `grey_label` is the legend label of the grey areas.
+    Each entry of `panel_errors` is a pair (problem, kind of error) for a panel. `data` has all
+    methods; `cost` is the name of its variable on the horizontal axes: evaluations of the
+    right-hand side, or wall time. `grey_label` is the legend label of the grey areas, which mark
+    errors below rounding. Colour and dashes show the family of a method.
     """
     rows = math.ceil(len(panel_errors) / 2)
     figure = style.page_figure(_LEGEND_HEIGHT + _PANEL_HEIGHT * rows)
@@ -108,6 +113,7 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
         if i >= len(panel_errors) - 2:
             axes.set_xlabel(panels.axis_label(data[cost]) + edge)
         _draw_errors(axes, data.sel(problem=problem), cost, kind, styles)
+    # The legend has an entry for each method, each family and the grey areas.
     families = [_FAMILIES[name] for name in _FAMILIES if name in data.family]
     handles = panels.legend_entries(styles) + [style.legend_entry(*family) for family in families]
     style.legend(figure, [*handles, Patch(label=grey_label, **_GREY_AREA)], columns=4, fontsize=6.5)
@@ -115,9 +121,11 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
 
 
 def _line_styles(data: xr.Dataset) -> dict[str, dict]:
-    """Return a dict of `Axes.plot` options for each method, sorted by family of methods.
+    """Return a dict: method -> options of `Axes.plot`, sorted by families of methods.
 
-    The variable `line` of `data` has the method of each entry, `family` its family.
+    Methods of a family, such as those with fixed steps, have the same colour and dashes, and
+    different markers. The variable `line` of `data` has the method of each entry, `family` its
+    family.
     """
     families = dict(zip(data.line.values, data.family.values, strict=True))
     methods = sorted(families, key=lambda method: list(_FAMILIES).index(families[method]))
@@ -129,7 +137,10 @@ def _line_styles(data: xr.Dataset) -> dict[str, dict]:
 
 
 def _log_limits(*arrays: xr.DataArray, factor: float) -> tuple[float, float]:
-    """Return log-axis limits: `factor` times the smallest positive value, 2.5 times the largest."""
+    """Return limits of a logarithmic axis that leave room beyond all positive values of the arrays.
+
+    They are `factor` times the smallest and 2.5 times the largest positive value.
+    """
     values = np.concatenate([array.values.ravel() for array in arrays])
     positive = values[values > 0.0]
     return (factor * positive.min(), 2.5 * positive.max()) if positive.size else (0.1, 10.0)
@@ -138,10 +149,10 @@ def _log_limits(*arrays: xr.DataArray, factor: float) -> tuple[float, float]:
 def _draw_errors(axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str, dict]):
     """Draw the errors of all methods in one problem over the variable `cost`.
 
-    `kind` is the kind of error: "state", "event" or "multiplier". Zero costs and zero errors are
-    drawn near the lower limits of the logarithmic axes, which must be set. Errors below the
-    rounding error of the reference (suffix "_floor") are grey. `styles` maps methods to plot
-    options; the variable `line` of `data` has the method of each entry.
+    `kind` is the kind of error: "state", "event" or "multiplier". The logarithmic axes cannot show
+    zeros, which are drawn near the lower limits; these must be set before. A grey area covers
+    errors below the rounding error of the reference solution (suffix "_floor"). `styles` maps
+    methods to plot options; the variable `line` of `data` has the method of each entry.
     """
     left, bottom = axes.get_xlim()[0], axes.get_ylim()[0]
     costs, errors = data[cost], data[f"{kind}_error"]
@@ -169,11 +180,12 @@ _VERDICT_STYLES = {
 
 @style.styled()
 def draw_failures(matrix: xr.Dataset):
-    """Return a figure of verdicts, a row for each problem and a column for each method.
+    """Return a table of verdicts on methods of integration, a row for each problem.
 
-    `matrix` is a result of `gearlib.data.gathering.gather_failures`. Its dimension "trial" is over
-    methods, its variable `words` describes the problems, `error` is written below the letter of the
-    verdict. A star marks a run over fewer mesh periods than other runs of its row.
+    Columns are methods, the dimension "trial" of `matrix`, a result of
+    `gearlib.data.gathering.gather_failures`. Its variable `words` describes the problems; `error`
+    is written below the letter of the verdict, such as "d: diverged". A star marks a run over fewer
+    mesh periods than other runs of its row.
     """
     verdict_names = matrix.verdict.attrs["flag_meanings"].split()
     verdict_styles = [_VERDICT_STYLES[name] for name in verdict_names]
@@ -195,6 +207,7 @@ def draw_failures(matrix: xr.Dataset):
     axes.set_xticks(range(columns), matrix.trial.values, rotation=60, ha="left", fontsize=7)
     axes.xaxis.tick_top()
     axes.set_yticks(range(rows), matrix.words.values, fontsize=7)
+    # Minor ticks at the edges of cells carry the white lines between them.
     axes.set_xticks(np.arange(columns + 1) - 0.5, minor=True)
     axes.set_yticks(np.arange(rows + 1) - 0.5, minor=True)
     axes.grid(which="minor", color="white", linewidth=0.8)
@@ -212,7 +225,7 @@ def draw_failures(matrix: xr.Dataset):
 
 
 def _error_text(error: float) -> str:
-    """Return an error as a short text: "3e-5", or "7" for a small integer; "" if not finite."""
+    """Return an error as short text: "3e-5", "7" for a small integer, "" if not finite."""
     if not np.isfinite(error):
         return ""
     if error < 10.0 and error == round(error):
@@ -240,15 +253,16 @@ _SPURIOUS_INSTABILITY, _EXCESS_GROWTH, _RIGHT, _EXCESS_DAMPING, _MISSED_INSTABIL
 
 
 def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
-    """Return a verdict on each spectral radius of a method, as an index in `VERDICTS`.
+    """Return a verdict on the stability that a method computes, for each step count and tuning.
 
-    `radius`, of shape (step counts, tunings), is the spectral radius over a mesh period by the
-    method, `true_radius`, of shape (tunings,), the exact spectral radius. Motion is unstable if its
-    spectral radius is above 1. The verdicts have the shape of `radius`.
+    A verdict is an index in `VERDICTS`, such as 0 for "invents motion". `radius`, of shape (step
+    counts, tunings), is the spectral radius of the motion over a mesh period by the method,
+    `true_radius`, of shape (tunings,), the exact one. Motion is unstable if its spectral radius
+    (largest multiplier in magnitude) is above 1. The verdicts have the shape of `radius`.
     """
     is_stable = true_radius <= 1.0 + 1e-9
     is_too_large = radius > true_radius + RADIUS_TOLERANCE
-    # The first condition that holds decides.
+    # The first condition that holds decides; without one the verdict is "right".
     conditions = {
         _MISSED_INSTABILITY: (radius <= 1.0) & (true_radius > 1.0 + RADIUS_TOLERANCE),
         _EXCESS_DAMPING: radius < true_radius - RADIUS_TOLERANCE,
@@ -260,10 +274,12 @@ def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
 
 @style.styled()
 def draw_stability(chart: xr.Dataset):
-    """Return a figure of a map of verdicts for each method, and the true spectral radius below.
+    """Return a figure with a map of verdicts on the stability that each method computes.
 
-    `chart` is a result of `gearlib.studies.trials.stability_of_methods.compute`. The dashed line is
-    the stability limit of the classical Runge-Kutta method at the maximum stiffness.
+    `chart` is a result of `gearlib.studies.trials.stability_of_methods.compute`. The maps are over
+    the tuning (mesh frequency over natural frequency) and the steps per mesh period; the panel
+    below shows the exact spectral radius (growth of a perturbation per mesh period). The dashed
+    line is the stability limit of the classical Runge-Kutta method at the maximum stiffness.
     """
     rows = math.ceil(chart.sizes["method"] / 2)
     figure = style.page_figure(_MAP_HEIGHT * rows + _LOWER_HEIGHT)
@@ -278,6 +294,7 @@ def draw_stability(chart: xr.Dataset):
         axes.set_ylabel(panels.axis_label(chart.steps) if i % 2 == 0 else "")
         # Only the classical Runge-Kutta method and its variants have this limit.
         if name.startswith("rk4"):
+            # Steps are stable if frequency times step length is below `_RK4_LIMIT`.
             min_steps = 2.0 * np.pi * np.sqrt(float(chart.stiffness_max)) / tuning / _RK4_LIMIT
             min_steps[(min_steps < steps[0]) | (min_steps > steps[-1])] = np.nan
             axes.plot(tuning, min_steps, color="black", linestyle="--", linewidth=0.8)
