@@ -117,8 +117,9 @@ class ShaftRotation:
     def time_and_speed(self, revolutions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (times in s, speeds in rpm) after given numbers of revolutions.
 
-        Revolutions are counted from the first row of the course, up to its last row. This is the inverse of the method `revolutions`; between two rows the time is the root of a
-        quadratic equation.
+        Revolutions are counted from the first row of the course, up to its last row. This is the
+        inverse of the method `revolutions`; between two rows the time is the root of a quadratic
+        equation.
         """
         i = np.searchsorted(self._revolutions, revolutions, "right") - 1
         i = np.clip(i, 0, self._slope.size - 1)

@@ -38,9 +38,10 @@ def is_valid_tuning(tuning):
 
 
 def tuning_of(model, tuning: float | None, speed: float | None) -> float:
-    """Return the tuning of a run, given as a tuning or as a speed in rpm.
+    """Return the tuning of a run, given either as a tuning or as a speed in rpm.
 
-    One of the two must be None; otherwise, or if the speed is invalid, raise ValueError.
+    The tuning is the mesh frequency over the natural frequency of the model. The other argument
+    must be None; otherwise, or if the speed is invalid, raise ValueError.
     """
     check_either(model, "tuning", tuning, "speed", speed)
     return tuning_at_speed(model, "speed", speed) if tuning is None else tuning
@@ -49,7 +50,8 @@ def tuning_of(model, tuning: float | None, speed: float | None) -> float:
 def tuning_at_speed(model, name: str, speed: float) -> float:
     """Convert a speed in rpm to the tuning of a model, or raise ValueError if it is invalid.
 
-    `name` is the name of the argument in the error message.
+    The tuning is the mesh frequency over the natural frequency, 1 at the resonance speed. `name` is
+    the name of the argument in the error message.
     """
     resonance_speed = float(model.speed(1.0))
     speed = parameters.check(name, speed, Speed)
@@ -60,9 +62,10 @@ def tuning_at_speed(model, name: str, speed: float) -> float:
 def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
     """Raise ValueError unless exactly one of a tuning and a speed is given, the other being None.
 
-    Both may be numbers or arrays; `tuning_name` and `speed_name` are the names of these arguments
-    in the error message. A speed is not allowed for a model without rotating bodies or without a
-    time scale.
+    The tuning is the mesh frequency over the natural frequency, and the speed is in rpm; both may
+    be numbers or arrays. `tuning_name` and `speed_name` are their names in the error message. A
+    speed is not allowed for a model without rotating bodies, or for a dimensionless model, which
+    has no time scale.
     """
     checks.require(is_model(model), "model", model, "a model such as GearPair")
     checks.exactly_one(tuning_name, tuning, speed_name, speed)
@@ -93,7 +96,8 @@ def check_memory(argument: str, row_count: int, numbers_per_row: int, row_name: 
 def check_rows(model, argument: str, tuning_count: int):
     """Raise ValueError if the results of a sweep over `tuning_count` tunings need too much memory.
 
-    `argument` describes the sweep in the error message.
+    The results have one row of numbers per tuning. `argument` describes the sweep in the error
+    message, such as "a sweep of 1000 tunings".
     """
     _, _, summary_table = model.empty_record()
     # A row also has the final state, and at most one number for each field of `Rows`.
@@ -111,7 +115,7 @@ class RunArguments(NamedTuple):
     options: dict  #: options of the method
 
     def attributes(self) -> dict:
-        """Return the arguments as attributes of a dataset, {name: value}."""
+        """Return the arguments as attributes of a dataset, {name: value}, without max_events."""
         periods, record_periods, _max_events = self.span
         return {
             "method": self.method,
@@ -127,8 +131,11 @@ def check_run(
 ):
     """Validate the arguments of a run of a model and return them as `RunArguments`.
 
-    They have the meaning of the arguments of `simulate`; a `method` of None is chosen for the
-    model. Raise ValueError if one is wrong.
+    A run has `periods` mesh periods, of which the last `record_periods` are recorded, and starts
+    from `initial_state`, a tuple of displacement and velocity or the name of a state. `method` is
+    the name of an integration method, None for the best one for the model, and `options` are its
+    keyword arguments or None. A mesh period may have at most `max_events` contact events. Raise
+    ValueError if an argument is wrong.
     """
     method_name, module, options = integrators.choose_method(model, method, options)
     allowed = f"an integer from 1 to {periods}"

@@ -196,8 +196,8 @@ def run_up(
 def _check_model(model):
     """Raise ValueError unless `run_up` supports the model.
 
-    The model must have rotating bodies and be piecewise linear, without gyroscopic or harmonic
-    forces.
+    The model must have rotating bodies and be piecewise linear. It must not have gyroscopic forces
+    or harmonic forces, which are defined at constant speed only.
     """
     type_name = type(model).__name__
     checks.require(is_model(model), "model", model, "a model such as GearPair")
@@ -257,10 +257,11 @@ def speed_course(
 
 
 def _check_times(name: str, rows: Any, steps: bool = False) -> np.ndarray:
-    """Return a course, rows (time in s, speed or load), as an array, shape (n, 2).
+    """Check a course, rows (time in s, speed or load), and return it as an array, shape (n, 2).
 
-    Raise ValueError if a time is negative or not later than the time before. With `steps` two rows
-    may have the same time. `name` is the name of the argument in the error message.
+    Raise ValueError if a time is negative or not later than the time in the previous row. With
+    `steps` two rows may have the same time, which is a step of the value. `name` is the name of the
+    argument in the error message.
     """
     previous_time = 0.0
     for i, (time, _) in enumerate(rows):
@@ -273,13 +274,15 @@ def _check_times(name: str, rows: Any, steps: bool = False) -> np.ndarray:
 
 
 def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarray:
-    """Return the dimensionless accelerations of the coordinates of a model due to a run-up.
+    """Return the accelerations of the coordinates of a model by inertia forces in a run-up.
 
-    They are the effect of inertia in the accelerating frame, per unit of d2tau/dtheta2 (tau is the
-    mesh phase, theta the dimensionless time), shape (n,), or (1,) for a model with one mesh. For a
-    train, `driver` is the name of the body on which the accelerating torque acts, or None. For a
-    model with one mesh, `driven_mass` is J / r_b^2 of the driven gear in kg, and `base_radius` the
-    base radius of the other gear in m, or None without driven mass.
+    These forces appear because displacements are measured relative to the accelerating rigid-body
+    rotation. The accelerations, shape (n,), or (1,) for a model with one mesh, are dimensionless,
+    per unit of d2tau/dtheta2, the dimensionless acceleration of the mesh phase tau by the
+    dimensionless time theta. For a train, `driver` is the name of the body on which the
+    accelerating torque acts, or None. For a model with one mesh, `driven_mass` is J / r_b^2 of the
+    driven gear in kg, and `base_radius` the base radius of the other gear in m, or None without
+    driven mass.
     """
     allowed = "a finite number > 0 where driven_mass is not 0"
     checks.require(base_radius or not driven_mass, "base_radius", base_radius, allowed)
@@ -299,13 +302,16 @@ def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarra
 def _revolution_variables(model, records: list, omega: float) -> dict:
     """Return the variables along ``revolution`` of a run-up as {name: (dims, values)}.
 
-    `records` are its `IntervalRecord`s in order of time, whose blocks of mesh periods are the
-    revolutions. Their dimensionless time is theta = omega t, `omega` in rad/s.
+    `records` are the `IntervalRecord`s of the parts of the run-up in order of time. Their mesh
+    periods are numbered by revolutions (`block`), their phase is the mesh phase in rad, and their
+    dimensionless time is theta = omega t with `omega` in rad/s. The variables are the time, the
+    mean speed and, from the summaries of the records, extrema and fractions of time.
     """
     # Each mesh period has the number of its revolution.
     revolutions = np.concatenate([record.block for record in records])
     first_periods = np.flatnonzero(np.diff(revolutions, prepend=-1))
     start_theta = np.concatenate([record.theta[:-1] for record in records])[first_periods]
+    # Durations and phases of mesh periods are added up to those of revolutions.
     theta_steps = np.concatenate([np.diff(record.theta) for record in records])
     phase_steps = np.concatenate([np.diff(record.phase) for record in records])
     duration = np.add.reduceat(theta_steps, first_periods)
@@ -343,12 +349,14 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
 def _event_variables(model, records: list, omega: float) -> dict:
     """Return the variables along ``event`` of a run-up as {name: (dims, values)}.
 
-    `records` are its `IntervalRecord`s. The rows of their events start with (dimensionless time,
-    index of the mesh, contact code before, code after, velocity); the dimensionless time is omega
-    t, `omega` in rad/s.
+    `records` are the `IntervalRecord`s of the parts of the run-up. Each row of their `events`
+    starts with (dimensionless time omega t, index of the mesh, contact code before, code after,
+    velocity), where `omega` is in rad/s. Contact codes are 1 for the drive side, 0 for loss of
+    contact and -1 for the coast side.
     """
     events = np.concatenate([record.events for record in records])
     times, mesh_indices, codes_before, codes_after, velocities, *_ = events.T
+    # The tuning, mesh frequency over natural frequency, gives the speed at each event.
     tunings = []
     for record in records:
         tuning, _phase, _load = record.piece.at_times(record.events[:, 0])
@@ -368,14 +376,16 @@ def _event_variables(model, records: list, omega: float) -> dict:
 def _time_variables(model, records: list, omega: float, samples_per_period: int) -> dict:
     """Return the time history of a run-up as {variable name: (dims, values)}.
 
-    `records` are its `IntervalRecord`s, with `samples_per_period` samples in each mesh period at
-    equal steps of time; their dimensionless time is theta = omega t, `omega` in rad/s.
+    `records` are the `IntervalRecord`s of the parts of the run-up, with `samples_per_period`
+    samples in each mesh period at equal steps of time. Their dimensionless time is theta = omega t,
+    with `omega` in rad/s. The variables are in SI units.
     """
     fractions = np.arange(samples_per_period) / samples_per_period
     thetas, excitations = [], []
     for record in records:
         steps = fractions * np.diff(record.theta)[:, None]
         thetas.append((record.theta[:-1, None] + steps).ravel())
+        # (tuning, mesh phase, load over the load of the model) at each sample.
         excitations.append(record.piece.at_times(thetas[-1]))
     theta = np.concatenate(thetas)
     tuning, phase, load_ratio = np.hstack(excitations)

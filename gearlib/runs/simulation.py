@@ -120,8 +120,10 @@ def simulate(
 def run(model, tuning: float, samples_per_period: int, **settings):
     """Run a model at one tuning without verifying its period; return the `Record`.
 
-    `settings` are the other arguments of `simulate`. If the status of the record is not 0, its
-    numbers are NaN and it has no events.
+    The tuning is the mesh frequency over the natural frequency. `settings` are arguments of
+    `simulate` such as periods, record_periods, initial_state and method. The record has samples,
+    events, a summary and the final state; if its status is not 0, the run has failed, its numbers
+    are NaN and it has no events.
     """
     record, _ = _run(model, tuning, check_run(model, **settings), samples_per_period)
     return record
@@ -130,10 +132,12 @@ def run(model, tuning: float, samples_per_period: int, **settings):
 def _run(model, tuning, arguments, samples_per_period, verify_period=False, until_settled=False):
     """Run a model at one tuning; return (`Record`, number of all simulated mesh periods).
 
-    `arguments` are the `RunArguments` of the run. With `verify_period` the period of the motion is
-    verified by the Floquet multipliers of the orbit and its distance from grazing; with
-    `until_settled` the run continues after the recorded periods until this succeeds. If the run
-    fails, or the motion grows without bound, the numbers of the record are NaN.
+    The tuning is the mesh frequency over the natural frequency. `arguments` are the `RunArguments`:
+    initial state, mesh periods of the run and of its record, integration method. With
+    `verify_period` the period of the motion is verified by the Floquet multipliers of the orbit and
+    its distance from grazing; with `until_settled` the run continues after the recorded periods
+    until this succeeds. If the run fails, or the motion grows without bound, the numbers of the
+    record are NaN.
     """
     record_periods = arguments.span.recorded
     argument = f"samples_per_period = {samples_per_period} with record_periods = {record_periods}"
@@ -141,6 +145,7 @@ def _run(model, tuning, arguments, samples_per_period, verify_period=False, unti
     numbers_per_sample = sample_table.shape[1]
     sample_count = record_periods * samples_per_period
     check_memory(argument, sample_count, numbers_per_sample, "samples in all")
+    # Each integration method has a module with a function `run`.
     record = arguments.module.run(
         model, tuning, arguments.state, arguments.span, samples_per_period, **arguments.options
     )
@@ -163,8 +168,9 @@ def _run(model, tuning, arguments, samples_per_period, verify_period=False, unti
 def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
     """Return the time history of a run along ``phase`` as {variable name: (dims, values)}.
 
-    `samples`, shape (n, columns), is the table of samples in the record of the run, with the
-    columns of `engines.orbit` for each mesh. The samples are NaN if `status_code` is not 0.
+    `samples`, shape (n, columns), is the table of samples of the run. For each mesh it has the
+    columns SAMPLE_X (displacement), SAMPLE_V (velocity) and so on of `engines.orbit`; further
+    columns depend on the model. The samples are NaN if `status_code` is not 0, for a failed run.
     """
     dims: tuple = ("phase",)
     table = samples[:, : orbit.SAMPLE_COLUMNS]
@@ -172,6 +178,7 @@ def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
         dims, mesh_count = ("phase", "mesh"), len(model.mesh_names)
         table = samples[:, : mesh_count * orbit.SAMPLE_COLUMNS]
         table = table.reshape(-1, mesh_count, orbit.SAMPLE_COLUMNS)
+    # Contact codes are integers, which cannot be NaN, so they are 0 after a failure.
     contact_codes = np.zeros(table.shape[:-1], np.int8)
     if status_code == status.OK:
         contact_codes[:] = table[..., orbit.SAMPLE_CONTACT]
@@ -194,8 +201,9 @@ def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
 def _event_variables(events: np.ndarray) -> dict:
     """Return the contact events of a run along ``event`` as {variable name: (dims, values)}.
 
-    `events`, shape (n, columns), is the table of events in the record of the run, with the columns
-    of `engines.orbit`.
+    `events`, shape (n, columns), is the table of contact events of the run. Its columns, given by
+    constants of `engines.orbit`, are the mesh period, the mesh phase in it, the contact codes
+    before and after (1 drive side, 0 no contact, -1 coast side) and the velocity.
     """
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
     # Rounding of the sum must not change the order of the events.

@@ -145,11 +145,13 @@ def sweep(
 
 
 def _run_sweep(model, tunings, arguments: RunArguments, direction, threads: int, limit) -> Rows:
-    """Run a model at all tunings of a sweep; return its `Rows`, with a row for each tuning.
+    """Run a model at all tunings of a sweep; return its `Rows`, one row per tuning.
 
-    `tunings`, shape (n,), may have any order. `direction` is "cold", "up" or "down"; only a cold
-    sweep uses several threads. Rows that are not computed when the time `limit` is over have the
-    status -1.
+    `tunings`, shape (n,), are mesh frequencies over the natural frequency in any order. `arguments`
+    are the initial state, the mesh periods and the integration method of each run. With the
+    direction "cold" all runs start from the initial state and are distributed to `threads` threads;
+    with "up" or "down" each starts from the final state of the previous one. Rows that are not
+    computed when the time `limit` is over have the status -1.
     """
     _, _, summary_table = model.empty_record()
     rows = Rows(
@@ -186,8 +188,9 @@ def _run_sweep(model, tunings, arguments: RunArguments, direction, threads: int,
 def _check_order(direction: str, tunings: np.ndarray, name: str):
     """Raise ValueError unless the order of the tunings, shape (n,), suits the sweep direction.
 
-    They must increase for "up", increase or decrease for "down", and may have any order for "cold".
-    `name` is the name of the argument in the error message.
+    They must increase for the direction "up" and either increase or decrease for "down". They may
+    have any order for "cold", where runs are independent. `name` is the name of the argument in the
+    error message.
     """
     if direction == "cold":
         return
@@ -202,18 +205,22 @@ def _check_order(direction: str, tunings: np.ndarray, name: str):
 
 
 def sweep_down(model, tunings: np.ndarray, lowest: float, **settings):
-    """Sweep a model down to a tuning at which the motion agrees with an upward sweep.
+    """Sweep a model downwards to a tuning at which the motion agrees with an upward sweep.
 
-    `tunings`, shape (n,), increase in equal steps; the downward sweep continues in these steps
-    below the first of them, at most to the tuning `lowest`. `settings` are other arguments of
-    `sweep`. Return (dataset of the downward sweep, whether the motions agree anywhere). The dataset
-    starts at the highest tuning <= `tunings[0]` at which they agree, or else at the lowest tuning.
+    Below this tuning (mesh frequency over natural frequency) there is no hysteresis. `tunings`,
+    shape (n,), increase in equal steps; the downward sweep continues in these steps below the
+    lowest of them, at most to the tuning `lowest`. `settings` are other arguments of `sweep`, such
+    as periods. Return (dataset of the downward sweep, whether the motions agree anywhere). The
+    dataset starts at the highest tuning <= `tunings[0]` at which they agree, or else at the lowest
+    tuning.
     """
     first_tuning, step = float(tunings[0]), float(tunings[1] - tunings[0])
+    # The small number allows for rounding errors, so that `lowest` itself is included.
     added_count = max(0, math.floor((first_tuning - lowest) / step + 1e-9))
     added_tunings = np.round(first_tuning - step * np.arange(added_count, 0, -1), 12)
     curve = sweep(model, np.concatenate([added_tunings, tunings]), direction="down", **settings)
     if not curve.get("complete", True):
+        # The time limit ended the sweep.
         return curve, False
     down = curve.isel(tuning=slice(added_count + 1))
     up = sweep(model, down.tuning.values, direction="up", **settings)
@@ -226,8 +233,8 @@ def sweep_down(model, tunings: np.ndarray, lowest: float, **settings):
 def motions_agree(up, down) -> np.ndarray:
     """Return a mask, shape (n,), of the tunings at which two sweeps have the same motion.
 
-    `up` and `down` are datasets of `sweep` over the same tunings. Motions are the same if their
-    displacement extrema agree.
+    `up` and `down` are datasets of `sweep` over the same tunings. Motions count as the same if
+    their displacement extrema agree to 0.1 % of the displacement range.
     """
     displacement_range = up.displacement_max - up.displacement_min
     max_differences = np.abs(down.displacement_max - up.displacement_max)
@@ -241,7 +248,8 @@ def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray
 
     They must be valid and all different. `name` is the name of the argument in error messages,
     `check(name, value)` is a function that raises ValueError for a single invalid value, and
-    `tuning_at` converts an array of the values to tunings, by default without a change.
+    `tuning_at` converts an array of values to tunings (mesh frequencies over the natural
+    frequency), by default without a change.
     """
     try:
         values = np.atleast_1d(np.asarray(tunings))
@@ -249,6 +257,7 @@ def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray
         values = np.empty((0, 0))
     allowed = "a non-empty sequence of numbers"
     checks.require(values.ndim == 1 and values.size != 0, name, tunings, allowed)
+    # The values must be integers or floats in the allowed range.
     if values.dtype.kind not in "iuf" or not is_valid_tuning(tuning_at(values.astype(float))).all():
         # The check of each value raises an error that names the first wrong value.
         for i, value in enumerate(values.tolist()):

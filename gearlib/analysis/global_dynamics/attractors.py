@@ -50,7 +50,12 @@ class TrappingEllipses:
     radii: np.ndarray  #: shape (m,), static deflections: (x - point)^T form (x - point) <= radius^2
 
     def contain(self, scaled_states: np.ndarray) -> np.ndarray:
-        """Return a mask, shape (k,), of the scaled states (k, n) inside any of the ellipses."""
+        """Return a mask, shape (k,), of the states that lie inside any of the ellipses.
+
+        `scaled_states`, shape (k, n), are states without rigid-body rotation, whose velocities are
+        multiplied by the tuning. Ellipse j is the set of x with (x - point_j)^T form_j
+        (x - point_j) <= radius_j^2.
+        """
         inside = np.zeros(len(scaled_states), bool)
         for point, form, radius in zip(self.points, self.forms, self.radii, strict=True):
             difference = scaled_states - point
@@ -88,21 +93,24 @@ class Attractor:
 
 
 def find_attractors(stroboscope, states, known_attractors: list, time_limit: Limit) -> list:
-    """Return the new periodic attractors near settled full states, shape (k, n).
+    """Return the periodic attractors near given states that are not yet known.
 
-    New ones are not among the periodic `known_attractors`. Each state is propagated over 64 more
-    cycles; the search ends when the time limit is over.
+    `states`, shape (k, n), are all coordinates and velocities after a transient. `stroboscope` maps
+    them over whole cycles, the periods of the excitation. Each state is propagated over 64 more
+    cycles; if it nearly repeats, shooting refines the orbit. `known_attractors` are those found
+    before; the search ends when the time limit is over.
     """
     series = [states]
     for _ in range(2 * MAX_CYCLES):
         series.append(stroboscope(series[-1], 1)[0])
-    # The latest states come first, because they have settled best.
+    # The latest states come first, because they are nearest to the attractor.
     series = np.array(series[::-1])
     scaled_series = stroboscope.scaled(series)
     attractors = list(known_attractors)
     for k in time_limit.each(range(len(states))):
         if not np.isfinite(scaled_series[:, k]).all():
             continue
+        # The motion ends at an attractor that is already known.
         if any(attractor.ellipses.contain(scaled_series[:1, k])[0] for attractor in attractors):
             continue
         candidate = _attractor_at(stroboscope, series[0, k], scaled_series[:, k])
@@ -112,7 +120,10 @@ def find_attractors(stroboscope, states, known_attractors: list, time_limit: Lim
 
 
 def _are_same_orbit(first: Any, second: Any) -> bool:
-    """Return whether two periodic attractors are the same orbit, up to the choice of its start."""
+    """Return whether two periodic attractors are the same orbit, whichever point comes first.
+
+    They are if one point of the second agrees with the first point of the first to 1e-6.
+    """
     points = first.ellipses.points
     size = max(1.0, np.abs(points).max())
     distances = np.abs(second.ellipses.points - points[0]).max(axis=1)
@@ -120,10 +131,11 @@ def _are_same_orbit(first: Any, second: Any) -> bool:
 
 
 def _attractor_at(stroboscope, state: np.ndarray, scaled_series: np.ndarray) -> Attractor | None:
-    """Return the periodic attractor near a settled full state, or None if there is none.
+    """Return the periodic attractor near the `state` of a motion after its transient, or None.
 
-    `scaled_series`, shape (cycles, n), are the scaled states of the motion one cycle apart that
-    lead to this state, latest first.
+    `scaled_series`, shape (cycles, n), are earlier states of this motion one cycle (period of the
+    excitation) apart, latest first, with velocities scaled to displacements. If two states n cycles
+    apart nearly agree, shooting searches for an orbit of n cycles, which must be stable.
     """
     size = max(1.0, np.ptp(scaled_series, axis=0).max())
     for n in range(1, MAX_CYCLES + 1):
@@ -149,7 +161,11 @@ def _attractor_at(stroboscope, state: np.ndarray, scaled_series: np.ndarray) -> 
 
 
 def attractor_of(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
-    """Return a stable periodic orbit as an `Attractor` with its trapping ellipses."""
+    """Return a stable periodic orbit as an `Attractor`, with its extrema and trapping ellipses.
+
+    `stroboscope` maps states over whole cycles of the excitation. A trapping ellipse is a region
+    around a point of the orbit that no sampled motion leaves.
+    """
     points = [orbit.state]
     for _ in range(orbit.period // stroboscope.mesh_periods_per_cycle - 1):
         next_states, _ = stroboscope(points[-1][None], 1)
@@ -172,9 +188,11 @@ def attractor_of(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
 def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> TrappingEllipses:
     """Return the largest ellipses around the points of an orbit that no sampled motion leaves.
 
-    `points` are the full states of the orbit one cycle apart, shape (m, n). An ellipse is the
-    largest of nested rings from which all sampled motions end inside the next smaller ring, as they
-    do from all rings inside it.
+    `stroboscope` maps states over whole cycles (periods of the excitation), and `points` are the
+    states of the orbit one cycle apart, shape (m, n), with all coordinates and velocities. Around
+    each point lie nested rings, level lines of a quadratic form. The trapping ellipse is the
+    largest ring from which all sampled motions end inside the next smaller ring, as they do from
+    all rings inside it.
     """
     centres = stroboscope.scaled(points)
     size = max(1.0, np.abs(centres).max())
@@ -186,13 +204,15 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
     to_ellipse = np.array([np.linalg.inv(np.linalg.cholesky(form).T) for form in forms])
     # Shape (points, rings, directions, n).
     offsets = np.einsum("jab,db->jda", to_ellipse, directions)[:, None] * radii[:, None, None]
-    # The weights scale velocities to displacements; `lift` maps reduced states to full states.
+    # The weights scale velocities to displacements; `lift` is the matrix from states without
+    # rigid-body rotation to states with all coordinates.
     samples = (centres[:, None, None] + offsets).reshape(-1, n) / stroboscope.weights
     orbit_states = np.repeat(points, radii.size * len(directions), axis=0)
     perturbations = samples - stroboscope.scaled(orbit_states) / stroboscope.weights
     final_states, _ = stroboscope(orbit_states + perturbations @ stroboscope.lift.T, return_cycles)
     scaled_states = stroboscope.scaled(final_states).reshape(count, radii.size, -1, n)
     final_offsets = scaled_states - centres[:, None, None]
+    # Indices: point j, ring r, direction d, coordinates a and b.
     squared_radii = np.einsum("jrda,jab,jrdb->jrd", final_offsets, forms, final_offsets)
     # The NaN of a failed run is not inside.
     is_inside = np.sqrt(squared_radii).max(axis=2) <= _RING_RATIO * radii
@@ -211,16 +231,19 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
 def _lyapunov_functions(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
     """Return (quadratic Lyapunov functions at the points of a stable orbit, number of cycles).
 
-    `cycle_maps`, shape (m, n, n), are the Jacobian matrices of the m cycles of the orbit. The
-    functions are given by symmetric matrices, shape (m, n, n). After the number of cycles, the
-    functions of linearised motions are at most `_CONTRACTION`^2 of their initial values.
+    `cycle_maps`, shape (m, n, n), are the Jacobian matrices of the map over each of the m cycles of
+    the orbit. The functions x^T S x are given by symmetric matrices S, shape (m, n, n). After the
+    returned number of cycles, they are at most `_CONTRACTION`^2 = 1/4 of their initial values for
+    all small perturbations x.
     """
     count, n = cycle_maps.shape[:2]
     spectral_radius = np.abs(np.linalg.eigvals(compose(cycle_maps))).max()
     log_radius = np.log(max(spectral_radius, 1e-12))
+    # Repeat the orbit until its map contracts at least by `_CONTRACTION`, with a margin.
     orbit_repeats = max(1, int(np.ceil(2.0 * np.log(_CONTRACTION) / log_radius)))
     forms = np.empty((count, n, n))
     for j in range(count):
+        # The map over one period that starts at point j.
         orbit_map = compose(np.roll(cycle_maps, -j, axis=0))
         return_map = np.linalg.matrix_power(orbit_map, orbit_repeats)
         # Solution S of A^T S A = _CONTRACTION^2 (S - I) with the return map A.
@@ -229,7 +252,10 @@ def _lyapunov_functions(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _unit_vectors(n: int) -> np.ndarray:
-    """Return unit vectors, shape (k, n), equally spaced for n = 2, else in random directions."""
+    """Return unit vectors of n coordinates as rows.
+
+    For n = 2 they are 32 vectors at equal angles, otherwise 128 in random directions (fixed seed).
+    """
     if n == 2:
         angles = 2.0 * np.pi * np.arange(_PLANE_DIRECTIONS) / _PLANE_DIRECTIONS
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -144,7 +144,9 @@ def basins(
 def _attractor_variables(attractors: list[Attractor]) -> dict:
     """Return the properties of attractors as dataset variables {name: (dims, values)}.
 
-    The attractors have different numbers of points; missing points and multipliers are NaN.
+    They are kind, period, displacement extrema, Lyapunov exponent, contact pattern, the states of
+    the orbit one cycle apart and its Floquet multipliers. The attractors have different numbers of
+    states; missing states and multipliers are NaN.
     """
     count = len(attractors)
     periodic = [attractor for attractor in attractors if attractor.orbit]
@@ -160,7 +162,10 @@ def _attractor_variables(attractors: list[Attractor]) -> dict:
             real[i], imaginary[i] = orbit.multipliers.real, orbit.multipliers.imag
 
     def scalar_variables(attractor: Attractor) -> dict:
-        """Return the scalar variables of an attractor as {name: value}."""
+        """Return the scalar variables of an attractor as {name: value}.
+
+        Aperiodic attractors have no orbit, hence no contact pattern, grazing or trapping ellipses.
+        """
         orbit = attractor.orbit
         return {
             "attractor_kind": np.int8(attractor.kind),
@@ -267,23 +272,27 @@ def basin_stability(
 def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[list, list]:
     """Group the attractors at several tunings into families that change little with the tuning.
 
-    `attractors_by_tuning` has a list of attractors for each tuning, `order` the indices of the
-    tunings by increasing tuning. Return (attractor of each family at the highest tuning where it
-    exists, arrays of the family numbers of the attractors at each tuning).
+    `attractors_by_tuning` has a list of attractors for each tuning (mesh frequency over natural
+    frequency), and `order` has the indices of these lists by increasing tuning. Attractors at
+    successive tunings are matched by their displacement extrema. Return (attractor of each family
+    at the highest tuning where it exists, arrays of the family numbers of the attractors at each
+    tuning).
     """
-    latest: list[Attractor] = []
+    latest: list[Attractor] = []  # the last attractor of each family so far
     family_numbers = [np.zeros(0, int)] * len(attractors_by_tuning)
     for i in order:
         attractors = attractors_by_tuning[i]
         distances = np.empty((len(attractors), len(latest)))
         for k, attractor in enumerate(attractors):
             distances[k] = [_distance(attractor, member) for member in latest]
-        # The assignment does not allow infinite distances.
+        # Match pairs with the smallest sum of distances. The assignment does not allow infinite
+        # distances.
         matched_attractors, matched_families = linear_sum_assignment(np.minimum(distances, 1e9))
         numbers = np.full(len(attractors), -1)
         for k, family in zip(matched_attractors, matched_families, strict=True):
             if distances[k, family] < _FAMILY_TOLERANCE:
                 numbers[k] = family
+        # Attractors without a family start a new one.
         for k, attractor in enumerate(attractors):
             if numbers[k] < 0:
                 numbers[k] = len(latest)
@@ -296,8 +305,10 @@ def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[lis
 def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples: int) -> tuple:
     """Return (variables, coordinates) of a dataset of families of attractors over the tuning.
 
+    A family is a sequence of attractors that change little from tuning to tuning.
     `attractors_and_shares` holds (attractors, their shares of the initial states) for each of the
-    tunings, shape (t,); `samples` is the number of initial states at each tuning.
+    `tunings` (mesh frequency over natural frequency), shape (t,). `samples` is the number of
+    initial states at each tuning, for the standard errors of the shares.
     """
     attractors_by_tuning = [attractors for attractors, _ in attractors_and_shares]
     families, numbers = _assign_families(attractors_by_tuning, np.argsort(tunings))
@@ -325,9 +336,9 @@ def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples:
 def _distance(first: Attractor, second: Attractor) -> float:
     """Return the largest difference between the displacement extrema of two attractors.
 
-    It is relative to the displacement range of the first one, or to one static deflection if that
-    is larger. It is infinite for different kinds or periods, and 0 for two aperiodic attractors of
-    the same kind.
+    The difference is divided by the displacement range of the first one, or by one static
+    deflection if that is larger. It is infinite for different kinds (periodic, chaotic, ...) or
+    periods, and 0 for two aperiodic attractors of the same kind.
     """
     if (first.kind, first.period) != (second.kind, second.period):
         return np.inf

@@ -30,7 +30,10 @@ _NO_LABEL, _UNBOUNDED_LABEL = -1, -2
 
 
 def check_model(model: Any) -> None:
-    """Raise ValueError if a model has several meshes, or no damping and therefore no attractors."""
+    """Raise ValueError if a model is unsuitable for a search for attractors.
+
+    It must have one mesh, and damping: without damping a model has no attractors.
+    """
     check_one_mesh(model)
     if model.has_damping():
         return
@@ -45,12 +48,14 @@ def classify(
 ) -> tuple[list[Attractor], np.ndarray]:
     """Find the attractors of a model and the attractor that each initial state approaches.
 
+    `stroboscope` maps many states over whole cycles (periods of the excitation) of the model, and
     `states` are initial displacements and velocities, shape (k, 2). A run lasts `cycles` cycles,
-    and as many again if it has not reached an attractor by then; with `stop_early` it ends in a
-    trapping ellipse. `seed` is the seed of the random choice of states that are examined first.
-    States without a label when the time limit is over are undecided. Return (attractors, index of
-    the attractor of each initial state, shape (k,)); attractors are sorted by kind, period and
-    displacement range, and each kind except periodic occurs at most once.
+    and as many again if it has not reached an attractor by then; with `stop_early` it ends when it
+    enters a trapping ellipse, the neighbourhood of a known orbit. `seed` is for the random choice
+    of states that are examined first. States without an attractor when the time limit is over are
+    undecided. Return (attractors, index of the attractor of each initial state, shape (k,));
+    attractors are sorted by kind, period and displacement range, and each kind except periodic
+    occurs at most once.
     """
     rng = np.random.default_rng(seed)
     motions = _Motions(stroboscope, states, rng, time_limit)
@@ -82,7 +87,8 @@ class _Motions:
     def __init__(self, stroboscope, states: np.ndarray, rng: np.random.Generator, time_limit):
         """Start a motion at each of the initial `states` (displacement, velocity), shape (k, 2).
 
-        `rng` chooses the samples of the motions; `time_limit` is a `Limit`.
+        `stroboscope` is the `Stroboscope` that propagates them, `rng` chooses random samples of the
+        motions, and `time_limit` is a `Limit` of the computing time.
         """
         self.stroboscope, self.states = stroboscope, states
         self.rng, self.time_limit = rng, time_limit
@@ -95,10 +101,15 @@ class _Motions:
         self.bounds = UNBOUNDED_FACTOR * np.maximum(stroboscope.model.extent, sizes)
 
     def add_attractors(self, states: np.ndarray) -> bool:
-        """Search for attractors near full states, shape (m, n); return whether any is new."""
+        """Search for periodic attractors near given states, and return whether any is new.
+
+        `states`, shape (m, n), have all coordinates and velocities, and have passed the transient.
+        New attractors are appended to the list `attractors`.
+        """
         count_before = len(self.attractors)
         states = states[np.isfinite(states).all(axis=1)]
         while len(states) and not self.time_limit.is_over():
+            # Examine eight states at a time.
             sample, states = states[:_SAMPLE_SIZE], states[_SAMPLE_SIZE:]
             arguments = sample, self.attractors, self.time_limit
             self.attractors += attractors.find_attractors(self.stroboscope, *arguments)
@@ -108,12 +119,20 @@ class _Motions:
         return len(self.attractors) > count_before
 
     def set_label(self, mask: np.ndarray, label: int) -> None:
-        """Give a label to the motions in a mask of the remaining ones, which no longer remain."""
+        """Give a label to some of the remaining motions and remove these from the remaining ones.
+
+        `mask` selects them among the remaining motions; `label` is the index of their attractor, or
+        _UNBOUNDED_LABEL.
+        """
         self.labels[self.remaining[mask]] = label
         self.remaining, self.current = self.remaining[~mask], self.current[~mask]
 
     def label_classified(self) -> None:
-        """Label the remaining motions that are in a trapping ellipse or exceed their bounds."""
+        """Label the remaining motions that have reached an attractor or exceed their bounds.
+
+        A motion has reached an attractor if it is in a trapping ellipse, the neighbourhood of an
+        orbit that no sampled motion leaves.
+        """
         sizes = self.stroboscope.size(self.current)
         self.set_label(sizes > self.bounds[self.remaining], _UNBOUNDED_LABEL)
         for i, attractor in enumerate(self.attractors):
@@ -121,9 +140,11 @@ class _Motions:
             self.set_label(attractor.ellipses.contain(scaled_states), i)
 
     def propagate(self, cycles: int, stop_early: bool) -> None:
-        """Propagate the motions without a label over a number of cycles, then label them.
+        """Propagate the remaining motions over a number of cycles, then label them.
 
-        With `stop_early` they are also labelled, and thereby end, after 24, 48, 96 ... cycles.
+        A cycle is the period of the excitation. With `stop_early`, motions that have reached an
+        attractor are also labelled, and thereby end, after 24, 48, 96, ... cycles. Raise
+        RuntimeError if a run fails for another reason than unbounded growth.
         """
         cycles_done = 0
         step = _FIRST_CYCLES if stop_early else cycles
@@ -135,13 +156,13 @@ class _Motions:
                 raise RuntimeError(status.MESSAGES[int(errors[0])])
             self.label_classified()
             cycles_done += step
-            step = cycles_done
+            step = cycles_done  # doubles the number of cycles
 
     def advance(self, states: np.ndarray, cycles: int) -> tuple:
-        """Propagate full states, shape (m, n), over cycles; return (states, status codes).
+        """Propagate states, shape (m, n), over a number of cycles; return (states, status codes).
 
-        The states are propagated in parts. The remaining parts do not change if the time limit is
-        over.
+        The states have all coordinates and velocities. They are propagated in parts; after the time
+        limit the parts that are left remain unchanged, with the status code 0.
         """
         states, codes = states.copy(), np.zeros(len(states), np.int64)
         chunk_size = 1 if self.time_limit.is_set else self.stroboscope.propagator.chunk_size
@@ -153,14 +174,18 @@ class _Motions:
         return states, codes
 
     def sample(self) -> np.ndarray:
-        """Return at most 8 random indices in `remaining`, sorted."""
+        """Return the positions of at most 8 randomly chosen remaining motions, sorted.
+
+        They are positions in the arrays `remaining` and `current`.
+        """
         count = min(_SAMPLE_SIZE, self.remaining.size)
         return np.sort(self.rng.choice(self.remaining.size, count, replace=False))
 
     def examine_samples(self) -> None:
-        """Label the remaining motions by attractors near random samples of them.
+        """Search for attractors near random samples of the remaining motions, and label these.
 
-        Stop after _MAX_SAMPLES samples, or after the first one without a new attractor.
+        Stop after _MAX_SAMPLES (6) samples of 8 motions, or after the first sample without a new
+        attractor.
         """
         for _ in range(_MAX_SAMPLES):
             if not self.remaining.size or not self.add_attractors(self.current[self.sample()]):
@@ -168,10 +193,10 @@ class _Motions:
             self.label_classified()
 
     def chaotic_attractor(self) -> Attractor | None:
-        """Return the chaotic attractor of the remaining motions, None if they are not chaotic.
+        """Return the chaotic attractor of the remaining motions, or None if they are not chaotic.
 
-        They are chaotic if perturbations grow in each motion of a sample and the mean of their
-        largest Lyapunov exponents is significantly positive.
+        They are chaotic if perturbations grow in each of at most eight motions chosen at random,
+        and the mean of the largest Lyapunov exponents of these is significantly positive.
         """
         stroboscope, exponents = self.stroboscope, []
         if not self.remaining.size or self.time_limit.is_over():
@@ -199,8 +224,9 @@ class _Motions:
     def aperiodic_attractor(self, kind: int, exponent=np.nan, uncertainty=np.nan) -> Attractor:
         """Return an attractor of an aperiodic kind, with the extrema of some remaining motions.
 
-        `kind` is the index in `KINDS`. `exponent` is the largest Lyapunov exponent and
-        `uncertainty` its standard error, NaN if unknown.
+        `kind` is CHAOTIC, UNBOUNDED or UNDECIDED. `exponent` is the largest Lyapunov exponent per
+        mesh period and `uncertainty` its standard error, NaN if unknown. The extrema of the
+        displacement are those of eight motions over 256 mesh periods.
         """
         record, max_events = self.stroboscope.propagator.record, self.stroboscope.max_events
         samples = self.current[self.sample()]
@@ -218,8 +244,8 @@ class _Motions:
     def sorted_attractors(self, chaos: Attractor | None) -> tuple[list[Attractor], np.ndarray]:
         """Return (sorted attractors, index of the attractor of each initial state).
 
-        The remaining motions belong to the chaotic attractor `chaos`, or are undecided if it is
-        None.
+        Motions that still remain belong to the chaotic attractor `chaos`, or are undecided if that
+        is None. Attractors are sorted by kind, period and displacement range.
         """
         unsorted = list(self.attractors)
         if self.remaining.size:
@@ -230,4 +256,5 @@ class _Motions:
             self.labels[is_unbounded] = len(unsorted)
             unsorted.append(Attractor(attractors.UNBOUNDED))
         order = sorted(range(len(unsorted)), key=lambda i: unsorted[i].sort_key)
+        # argsort of the order gives the new index of each attractor.
         return [unsorted[i] for i in order], np.argsort(order)[self.labels]

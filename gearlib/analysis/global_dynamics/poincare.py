@@ -120,10 +120,12 @@ def poincare_section(
 def _section(model, tuning, starts, settle, periods, phase, max_events) -> tuple:
     """Compute the Poincare section of motions from the initial states `starts`, shape (n, 2).
 
-    States (displacement, dx/dtau) are recorded at the mesh phase `phase`, in rad, of each of
+    `tuning` is the mesh frequency over the natural frequency. A state is (displacement x, dx/dtau)
+    with the mesh phase tau. States are recorded at the mesh phase `phase`, in rad, of each of
     `periods` mesh periods after a transient of `settle` mesh periods. A run fails if a mesh period
-    has more than `max_events` contact events. Return (recorded states, shape (n, periods, 2), final
-    states, (n, 2), status codes, (n,)); states after a failure are NaN.
+    has more than `max_events` contact events, or if the motion grows without bound. Return
+    (recorded states, shape (n, periods, 2), final states, (n, 2), status codes, (n,)); states after
+    a failure are NaN.
     """
     check_one_mesh(model)
     states = np.full((len(starts), periods, 2), math.nan)
@@ -222,14 +224,15 @@ def bifurcation_diagram(
 
 
 def _diagram(cases, values, direction, section_arguments, initial_state, time_limit) -> tuple:
-    """Compute the Poincare section at each of the values of a parameter, shape (v,).
+    """Compute the Poincare section of a motion at each of the values of a parameter, shape (v,).
 
-    `cases` has a (model, tuning) for each value; `section_arguments` are the arguments (settle,
-    periods, phase, max_events) of `_section`. With the direction "up" or "down", a run starts from
-    the final state of the previous one for increasing or decreasing values, with "cold" from the
-    `initial_state`. Return (recorded states, shape (v, periods, 2), final states, (v, 2), table of
-    the orbit period and the status code, (v, 2)). The status is -1 at the values that are not
-    reached before the time limit.
+    `cases` has a (model, tuning) for each value. `section_arguments` are (mesh periods of the
+    transient, recorded mesh periods, mesh phase in rad, largest number of contact events in a mesh
+    period). With the direction "up" or "down", a run starts from the final state of the previous
+    one for increasing or decreasing values, or from `initial_state` if that run failed; with "cold"
+    always from `initial_state`. Return (recorded states, shape (v, periods, 2), final states,
+    (v, 2), table of the orbit period and the status code, (v, 2)). The status is -1 at values that
+    are not reached before the time limit.
     """
     _, periods, *_ = section_arguments
     states = np.full((values.size, periods, 2), math.nan)

@@ -51,36 +51,48 @@ class Stroboscope:
         self.weights = np.repeat([1.0, self.tuning], len(self._reduction) // 2)
 
     def start(self, states: np.ndarray) -> np.ndarray:
-        """Return the full states, shape (k, n), for displacements and velocities, shape (k, 2)."""
+        """Complete initial displacements and velocities to full states with all coordinates.
+
+        `states` has the shape (k, 2) and the result (k, n). Both agree for a model with one degree
+        of freedom; other coordinates, such as bearings, start from their static deflection.
+        """
         return np.array([self.propagator.initial_state(state) for state in states])
 
     def scaled(self, states: np.ndarray) -> np.ndarray:
-        """Return reduced states, without the rigid-body rotation, for full states, shape (..., n).
+        """Return states without rigid-body rotation, with velocities in units of displacements.
 
-        Velocities are multiplied by the tuning, so that they are comparable with displacements.
+        `states`, shape (..., n), have all coordinates and velocities by mesh phase. Velocities are
+        multiplied by the tuning (mesh frequency over natural frequency), which makes them
+        comparable with displacements.
         """
         return states @ self._reduction.T * self.weights
 
     def size(self, states: np.ndarray) -> np.ndarray:
-        """Return the largest scaled component of each full state, shape (k,); infinite for NaN."""
+        """Return the size of each state, the largest of its scaled components, shape (k,).
+
+        `states`, shape (k, n), have all coordinates; `scaled` makes velocities comparable with
+        displacements. The size is infinite for NaN, the state of a failed run.
+        """
         largest = np.abs(self.scaled(states)).max(axis=-1)
         return np.where(np.isnan(largest), np.inf, largest)
 
     def follow_growth(self, states, previous_sizes, bounds: np.ndarray, periods: int) -> tuple:
         """Propagate large growing motions until they stop growing or exceed a bound.
 
-        `states` are their full states, shape (k, n); `previous_sizes` are their sizes, as returned
-        by `size`, some mesh periods earlier, or 0 if all have grown; `bounds` are the sizes, shape
-        (k,), above which motions count as unbounded. Growth is checked every `periods` mesh
-        periods, rounded up to whole cycles. Return (mask of the states above their bounds, states).
+        `states`, shape (k, n), have all coordinates and velocities. `previous_sizes` are the
+        largest scaled components of these motions some mesh periods earlier, or 0 if all have
+        grown, and `bounds`, shape (k,), the sizes above which motions count as unbounded. Growth is
+        checked every `periods` mesh periods, rounded up to whole cycles of the excitation. Small
+        motions are not propagated. Return (mask of the states above their bounds, final states).
         """
         states, sizes = states.copy(), self.size(states)
         is_growing = sizes > _MIN_RELATIVE_SIZE * self.model.extent
         is_growing &= sizes > _MIN_GROWTH * previous_sizes
-        cycles = -(-periods // self.mesh_periods_per_cycle)
+        cycles = -(-periods // self.mesh_periods_per_cycle)  # rounded up
         while (mask := is_growing & (sizes <= bounds)).any():
             ends, codes = self(states[mask], cycles)
             has_failed = ~np.isin(codes, (status.OK, status.OVERFLOW))
+            # A run that failed for another reason does not count as growth.
             new_sizes = np.where(has_failed, 0.0, self.size(ends))
             has_grown = new_sizes > _MIN_GROWTH * sizes[mask]
             is_growing[mask] = has_grown
@@ -89,9 +101,11 @@ class Stroboscope:
         return sizes > bounds, states
 
     def cycle_maps(self, state: np.ndarray, cycles: int) -> np.ndarray:
-        """Return the Jacobian matrices of the map over the cycles that start at a full state.
+        """Return the Jacobian matrices of the map over each of the next cycles from a state.
 
-        They have the shape (cycles, n, n) and refer to the coordinates of `scaled`.
+        `state` has all coordinates and velocities; a cycle is the period of the excitation. The
+        matrices, shape (cycles, n, n), refer to states without rigid-body rotation, with velocities
+        multiplied by the tuning, as `scaled` returns them. Raise RuntimeError if the run fails.
         """
         periods = cycles * self.mesh_periods_per_cycle
         _, period_maps, code = self.propagator.maps(state, periods, self.max_events)
@@ -103,9 +117,11 @@ class Stroboscope:
         return np.array([compose(maps_of_cycle) for maps_of_cycle in by_cycle])
 
     def __call__(self, states: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray]:
-        """Propagate full states, shape (k, n), over a number of cycles in parallel.
+        """Propagate states, shape (k, n), over a number of cycles in several threads.
 
-        Return (final states, status codes); the final state of a failed run is NaN.
+        The states have all coordinates and velocities; a cycle is the period of the excitation.
+        Return (final states, status codes of `gearlib.data.status`, 0 if a run succeeds); the final
+        state of a failed run is NaN.
         """
         ends = np.full(states.shape, np.nan)
         codes = np.zeros(len(states), np.int64)
@@ -172,10 +188,10 @@ def _is_range(axis: Any) -> bool:
 
 
 def _axis_values(name: str, axis: Any) -> np.ndarray:
-    """Check an axis of a grid and return its values as a float array.
+    """Check an axis of a grid of initial states and return its values as a float array.
 
-    The axis is a tuple (first, last, count) or a sequence of distinct numbers; `name` is its name
-    in error messages.
+    The axis is a tuple (first, last, count) of equidistant values, or a sequence of distinct
+    numbers. `name` is its name in error messages. Raise ValueError if the axis is invalid.
     """
     if not _is_range(axis):
         return distinct_values(name, axis)
