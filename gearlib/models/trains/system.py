@@ -52,10 +52,11 @@ class DimensionlessMatrices(NamedTuple):
 
 
 def dimensionless_matrices(train: "GearTrain", tuning: float) -> DimensionlessMatrices:
-    """Return the dimensionless matrices of a train without its meshes.
+    """Return the `DimensionlessMatrices` of a train without its meshes at a tuning.
 
-    `tuning` is the reference mesh frequency over the reference natural frequency. It sets the speed
-    of the frame that rotates with the carrier, and so the gyroscopic forces.
+    `tuning` is the mesh frequency over the natural frequency, both of the reference mesh. It sets
+    the speed of the frame that rotates with the carrier, and so the gyroscopic forces. Lengths are
+    in static deflections, forces over the load, and times are multiplied by the natural frequency.
     """
     structure, stiffness_scale = train.structure, train.stiffness_scale
     omega = train.reference_angular_frequency
@@ -65,6 +66,7 @@ def dimensionless_matrices(train: "GearTrain", tuning: float) -> DimensionlessMa
     circulatory = structure.circulatory * (omega / stiffness_scale * frame_speed)
     centrifugal_load = structure.centrifugal_load * (omega**2 * frame_speed**2 / train.load)
     frame_stiffness = centrifugal + circulatory
+    # Journal bearings have an unsymmetric stiffness, whose skew part the natural modes leave out.
     skew_stiffness = (structure.stiffness - structure.stiffness.T) / (2.0 * stiffness_scale)
     return DimensionlessMatrices(
         mass=structure.mass * (omega**2 / stiffness_scale),
@@ -79,7 +81,9 @@ def _distance_rows(train: "GearTrain") -> tuple[np.ndarray, np.ndarray]:
     """Return the row vectors that map a state to the distances of (drive, coast) flanks.
 
     A state holds n coordinates, their n rates, the constant 1, and the cosine and sine of each of h
-    excitation frequencies, so that both arrays have the shape (m, 2 n + 1 + 2 h) for m meshes.
+    excitation frequencies. So both arrays have the shape (m, 2 n + 1 + 2 h) for m meshes. Distances
+    are in static deflections; flanks touch on the drive side where they are >= 0, and on the coast
+    side where they are <= 0.
     """
     frequencies, amplitudes, constants = train.excitation
     per_metre = 1.0 / train.static_deflection
@@ -93,15 +97,17 @@ def _distance_rows(train: "GearTrain") -> tuple[np.ndarray, np.ndarray]:
         if math.isfinite(mesh.backlash):
             coast[j, 2 * n] += mesh.backlash * per_metre
         else:
+            # Coast-side flanks with infinite backlash never touch.
             coast[j] = single_mesh_system.absent_flank(coast.shape[1], 2 * n)
     return drive, coast
 
 
 def train_system(train: "GearTrain", tuning: float, segments: Segments) -> TrainSystem:
-    """Return the state-space matrices of a train over segments of constant stiffness.
+    """Return the `TrainSystem` of a train: its state-space matrices for the engines.
 
-    `tuning` is the reference mesh frequency over the reference natural frequency, and `segments`
-    are computed by `waves.segments`.
+    `tuning` is the mesh frequency over the natural frequency, both of the reference mesh.
+    `segments` are the `Segments` of mesh phase in which no stiffness and no sliding direction
+    changes.
     """
     frequencies, lines = train.excitation[0], train.structure.lines
     matrices = dimensionless_matrices(train, tuning)
@@ -126,6 +132,7 @@ def train_system(train: "GearTrain", tuning: float, segments: Segments) -> Train
     drive_flanks = _Flanks(drive, drive_rates, lines)
     coast_flanks = _Flanks(coast, coast_rates, train.coast_lines)
     contact_forces = _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass)
+    # The longest step of the engines, for which their series converge, follows from this bound.
     norm = largest_norm(train, matrices) if train.gyroscopic else train.norm_at_rest
     highest_rate = max(norm, np.abs(frequencies * tuning).max(initial=0.0))
     return TrainSystem(
@@ -195,11 +202,11 @@ def _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass) -
 
 
 def largest_norm(train: "GearTrain", matrices: DimensionlessMatrices) -> float:
-    """Return an upper bound of the norms of the state matrices in all contact states of a train.
+    """Return an upper bound of the norms of the state matrices of a train, whatever flanks touch.
 
     `matrices` are the dimensionless matrices without the meshes. Coordinates are scaled to unit
     mass, and velocities are divided by the highest natural frequency. Then stiffness and damping
-    are symmetric, and largest with all meshes in contact.
+    are symmetric, and largest with all meshes in contact; friction and unsymmetric parts are added.
     """
     structure, stiffness_scale = train.structure, train.stiffness_scale
     stiffness, damping = matrices.stiffness.copy(), matrices.damping.copy()

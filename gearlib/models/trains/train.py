@@ -61,7 +61,8 @@ from gearlib.parameters import (
 def _matrix_propagator(model: Model, tuning: float, **options: Any) -> Any:
     """Return the closed-form integrator of a train at a tuning.
 
-    `options` are passed to `gearlib.engines.linear.propagator.Propagator`.
+    The tuning is the mesh frequency over the natural frequency. `options` are other arguments of
+    `gearlib.engines.linear.propagator.Propagator`.
     """
     # Imported on first use, because it takes time to load.
     from gearlib.engines.linear.propagator import Propagator
@@ -148,15 +149,19 @@ class GearTrain(Model):
 
     @property
     def force_ratio_name(self) -> str:
-        """Name of the force ratio in datasets; see `Model.force_ratio_name`.
+        """Name of the ratio of the largest to the static mesh force in datasets.
 
-        It is "peak_force_ratio" if mesh forces jump with the stiffness, else "dynamic_factor".
+        It is "peak_force_ratio" if mesh forces jump with the stiffness, because their largest value
+        then includes jumps, and "dynamic_factor" otherwise.
         """
         return "peak_force_ratio" if self.force_note else "dynamic_factor"
 
     @property
     def stiffness_model(self) -> str:
-        """The model of the mesh stiffness in words."""
+        """The model of the mesh stiffness in words, for datasets and reports.
+
+        "rectangles" means two levels of stiffness, between which mesh forces jump.
+        """
         if self.force_note:
             return "rectangles"
         if any(mesh.transmission_error.table().any() for mesh in self.meshes):
@@ -164,7 +169,11 @@ class GearTrain(Model):
         return "mean stiffness"
 
     def __post_init__(self) -> None:
-        """Set the default reference mesh; check the names, gears and torques of the train."""
+        """Set the default reference mesh; check the names, gears and torques of the train.
+
+        Raises ValueError if a name is unknown, gears cannot mesh or be assembled, or torques do not
+        balance.
+        """
         valid = self.matrices is None or hasattr(self.matrices, "coordinates")
         allowed = "left out; see `GearTrain.from_matrices`"
         checks.require(valid, "matrices", self.matrices, allowed)
@@ -196,19 +205,27 @@ class GearTrain(Model):
         return self.assemble()
 
     def assemble(self, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
-        """Return the matrices of the train in SI units, in floats or balls."""
+        """Return the `Structure` of the train, its matrices in SI units.
+
+        `arithmetic` is the number type: floats, or balls (intervals that enclose rounding errors).
+        """
         if self.matrices is not None:
             assembled = self.matrices.structure(self, arithmetic)
         else:
             assembled = structure(self.by_name, self.meshes, self.shafts, arithmetic)
         if self.modal_damping is None:
             return assembled
+        # Add the damping that gives the modes their given damping ratios.
         convert = np.vectorize(arithmetic.convert, otypes=[arithmetic.dtype])
         return assembled._replace(damping=assembled.damping + convert(self._modal_damping_matrix))
 
     @cached_property
     def _modal_damping_matrix(self) -> np.ndarray:
-        """Damping matrix that gives the elastic modes the ratios `modal_damping`, N s/m, (n, n)."""
+        """Damping matrix that gives the elastic modes the ratios `modal_damping`, N s/m, (n, n).
+
+        It is the sum of 2 zeta omega (M phi) (M phi)^T over the mass-normalised modes phi.
+        """
+        # The modes do not depend on the damping; without it, `structure` does not call this method.
         train = self.replace(modal_damping=None)
         squares, shapes = train.linear_modes
         ratios, mode_count = np.array(self.modal_damping), squares.size
@@ -225,7 +242,10 @@ class GearTrain(Model):
 
     @cached_property
     def speeds(self):
-        """`turning.Speeds` of the bodies per radian of reference mesh phase."""
+        """`turning.Speeds` of the bodies, in radians per radian of mesh phase.
+
+        The mesh phase grows by 2 pi in each period of the reference mesh.
+        """
         return turning.speeds(
             self.by_name, self.meshes, self.shafts, self.reference, self.carrier_ratio
         )
@@ -236,7 +256,11 @@ class GearTrain(Model):
 
     @cached_property
     def frequency_ratios(self) -> tuple[Fraction, ...]:
-        """Frequency of each mesh over the frequency of the reference mesh."""
+        """Frequency of each mesh over the frequency of the reference mesh, as exact fractions.
+
+        A mesh frequency is the speed of the pinion relative to the line of centres, times its
+        teeth.
+        """
         return tuple(
             abs(self.speeds_at(mesh)[mesh.pinion]) * self.by_name[mesh.pinion].teeth
             for mesh in self.meshes
@@ -249,7 +273,11 @@ class GearTrain(Model):
 
     @cached_property
     def coast_phases(self) -> dict:
-        """Stiffness phases of the coast sides: mesh name -> phase in periods of this mesh."""
+        """Stiffness phases of the coast sides: mesh name -> phase in periods of this mesh.
+
+        The phase is the middle of the upper stiffness level of the flanks that carry a reversed
+        load.
+        """
         return {
             mesh.name: turning.coast_side_phase(mesh, self.speeds_at(mesh), self.phases[mesh.name])
             for mesh in self.meshes
@@ -274,7 +302,7 @@ class GearTrain(Model):
     def harmonic_forces(self) -> np.ndarray:
         """Cosine and sine amplitudes of the harmonic forces on n coordinates, N, shape (n, 2 h).
 
-        The h frequencies are the frequencies of `excitation`.
+        The h frequencies are those of `excitation`; columns 2 i and 2 i + 1 belong to frequency i.
         """
         frequencies = self.excitation[0]
         amplitudes = np.zeros((self.size // 2, 2 * frequencies.size))
@@ -289,9 +317,9 @@ class GearTrain(Model):
         return self.segments_of(0, self.repeats)
 
     def segments_of(self, first: int, count: int) -> waves.Segments:
-        """Return the segments of constant stiffness of reference mesh periods.
+        """Return the `Segments` of mesh phase, in which no stiffness or sliding direction changes.
 
-        `first` is the number of the first period, from 0, and `count` the number of periods.
+        They cover `count` periods of the reference mesh from period number `first`, from 0, on.
         """
         return waves.segments(self, first, count)
 
@@ -302,7 +330,10 @@ class GearTrain(Model):
 
     @cached_property
     def _natural_modes(self) -> LinearModes:
-        """Free motions and natural modes with all flanks in contact at mean stiffness."""
+        """Rigid-body motions and natural modes with all flanks in contact at mean stiffness.
+
+        Rigid-body ("free") motions are those that no spring resists.
+        """
         spring_rows, spring_stiffness = self.structure.springs
         mean_stiffness = [mesh.mean_stiffness for mesh in self.meshes]
         rows = np.concatenate([spring_rows, self.structure.lines])
@@ -333,8 +364,9 @@ class GearTrain(Model):
     def contact_modes(self, system: TrainSystem) -> tuple[np.ndarray, ...]:
         """Return dimensionless modes with all flanks in contact at mean stiffness.
 
-        The result is (natural frequencies, mode shapes, free motions, mass matrix) at the tuning of
-        the system, with one mode or motion per column.
+        The result is (natural frequencies, mode shapes, rigid-body motions, mass matrix), with one
+        mode or motion per column. Only the mass matrix is computed from the `system`, a
+        `TrainSystem`, at its tuning (mesh frequency over natural frequency).
         """
         omega = self.reference_angular_frequency
         mass = self.dimensionless_matrices(system.tuning).mass
@@ -348,7 +380,10 @@ class GearTrain(Model):
 
     @cached_property
     def modal_mesh_displacements(self) -> np.ndarray:
-        """Relative displacements of m meshes in the p elastic modes, shape (m, p)."""
+        """Relative displacements of the flanks of m meshes in the p elastic modes, shape (m, p).
+
+        The modes are mass-normalised, with all flanks in contact at mean stiffness.
+        """
         stiffness = np.array([mesh.mean_stiffness for mesh in self.meshes])
         # Strains are displacements times the root of the stiffness over the frequency.
         strains = self.strains[-stiffness.size :] / np.sqrt(stiffness)[:, None]
@@ -379,7 +414,8 @@ class GearTrain(Model):
     def static_deflection(self) -> float:
         """Static force in the reference mesh over its mean stiffness, m; 1 um without load.
 
-        The force is that of the linear train: mean stiffness, all flanks in contact, no errors.
+        It is the unit of displacements. The force is that of the linear train: mean stiffness, all
+        flanks in contact, no errors.
         """
         squares, shapes = self.linear_modes
         load = self.structure.load
@@ -401,11 +437,12 @@ class GearTrain(Model):
         """Reference natural frequency, rad/s; the tuning is the mesh frequency divided by it.
 
         It is `reference_frequency` if given, else the natural frequency of the elastic mode with
-        the most strain energy in the reference mesh.
+        the most strain energy in the reference mesh, at mean stiffness.
         """
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
         squares = self._natural_modes.squared_frequencies
+        # The last rows of `strains` belong to the meshes; squares are shares of the strain energy.
         energies = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
         # Modes of equal frequency share their strain energy in an arbitrary way, so it is summed.
         sums = [energies[np.abs(squares - square) < 1e-6 * square].sum() for square in squares]
@@ -423,7 +460,11 @@ class GearTrain(Model):
         return 60.0 / (2.0 * math.pi) * self.mesh_frequency(tuning) * pinion_rate
 
     def scales(self) -> dict:
-        """Return the dataset variables that depend on the train alone: name -> value."""
+        """Return the dataset variables that depend on the train alone.
+
+        The result maps names to values or to (dimension, values). Most of them convert
+        dimensionless results to SI units.
+        """
         return {
             "static_deflection": self.static_deflection,
             "force_scale": self.load,
@@ -441,7 +482,10 @@ class GearTrain(Model):
         return dimensionless_matrices(self, tuning)
 
     def as_dict(self) -> dict:
-        """Return the parameters as plain values; a hash stands for given matrices."""
+        """Return the parameters as plain values: name of a field -> value.
+
+        A train given by matrices stores a hash in their place, and its elements as dicts.
+        """
         if self.matrices is None:
             return super().as_dict()
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
@@ -451,28 +495,31 @@ class GearTrain(Model):
         return fields
 
     def system(self, tuning: float, first: int = 0, count: int | None = None) -> TrainSystem:
-        """Return the state-space matrices at a tuning, over all segments of constant stiffness.
+        """Return the `TrainSystem` at a tuning: state-space matrices for all segments of phase.
 
-        `tuning` is the reference mesh frequency over the reference natural frequency. If `count` is
-        given, the segments cover only `count` reference mesh periods from period `first` on.
+        `tuning` is the mesh frequency over the natural frequency. No stiffness changes within a
+        segment. If `count` is given, the segments cover only `count` periods of the reference mesh
+        from period number `first` on; otherwise they cover the common period of all meshes.
         """
         if count:
             return train_system(self, tuning, self.segments_of(first, count))
         if self.gyroscopic or self.excitation[0].size:
             return train_system(self, tuning, self.segments)
+        # In all other trains the tuning changes nothing else, so that the matrices are computed
+        # once.
         return self._system._replace(tuning=tuning)
 
     @cached_property
     def norm_at_rest(self):
         """Upper bound of the norms of the state matrices without gyroscopic forces.
 
-        It is the same at all tunings.
+        It limits the steps of the engines, and it is the same at all tunings.
         """
         return largest_norm(self, self.dimensionless_matrices(1.0))
 
     @cached_property
     def _system(self):
-        """State-space matrices at tuning 1.
+        """The `TrainSystem` (state-space matrices) at tuning 1.
 
         Without gyroscopic forces and excitation, other tunings change only the field `tuning`.
         """
@@ -518,7 +565,11 @@ class GearTrain(Model):
 
     @classmethod
     def from_matrices(cls, mass, damping, stiffness, meshes, gears, **options: Any) -> "GearTrain":
-        """Return a train given by matrices; see `gearlib.models.trains.matrices.from_matrices`."""
+        """Return a train given by mass, damping and stiffness matrices, as of rotor software.
+
+        `meshes` and `gears` join coordinates of the matrices; `options` are other arguments of
+        `gearlib.models.trains.matrices.from_matrices`, which describes all of them.
+        """
         from gearlib.models.trains.matrices import from_matrices
 
         return from_matrices(mass, damping, stiffness, meshes, gears, **options)
@@ -527,7 +578,7 @@ class GearTrain(Model):
         """Return a train of fewer coordinates with the same dynamics up to half a frequency in Hz.
 
         The reduction keeps the coordinates on which meshes, loads and harmonic forces act, and the
-        modes of the other coordinates below 1.5 times that frequency (Craig and Bampton, AIAA J. 6
+        modes of the other coordinates below 1.5 times `frequency` (Craig and Bampton, AIAA J. 6
         (1968) 1313-1319). The attribute ``matrices.left_out`` describes the neglected coordinates.
 
         Raises
@@ -540,7 +591,11 @@ class GearTrain(Model):
         return reduced(self, frequency)
 
     def state_space(self, inputs=None, outputs=None) -> Any:
-        """Return the linear state space in mean stiffness; see `gearlib.state_space`."""
+        """Return the linear state space about the loaded state, with all flanks at mean stiffness.
+
+        `inputs` are names of forces and `outputs` names of motions or forces; see
+        `gearlib.state_space`.
+        """
         from gearlib.models.trains.linear_systems import state_space
 
         return state_space(self, inputs, outputs)
@@ -594,9 +649,11 @@ class GearTrain(Model):
         return np.append(q / self.static_deflection, np.zeros(q.size))
 
     def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, ...]:
-        """Return the static equilibrium at phase 0; see `Model.static_state`.
+        """Return the state of static equilibrium at mesh phase 0, in static deflections.
 
-        Without an equilibrium the result is (0, 0).
+        `load` is a factor on all torques; the tuning has no effect. The state holds the
+        coordinates, then their rates. Without an equilibrium the result is (0, 0), at which flanks
+        just touch.
         """
         try:
             state = self._static_state if load == 1.0 else self._static_state_under(load)
@@ -605,11 +662,12 @@ class GearTrain(Model):
             return 0.0, 0.0
 
     def start_state(self, initial_state: Any) -> np.ndarray:
-        """Return the initial state (q, dq/dtau) as an array of shape (size,), or raise ValueError.
+        """Return the initial state (q, dq/dtau), shape (size,), in static deflections.
 
-        The argument (0, 0) means that all coordinates and rates are 0, so that flanks without
-        errors just touch. "static" means the static equilibrium with the stiffness at the mesh
-        phase tau = 0, without forces of a rotating frame. Otherwise it is the state itself.
+        tau is the mesh phase in rad. The argument (0, 0) means that all coordinates and rates are
+        0, so that flanks without errors just touch. "static" means the static equilibrium with the
+        stiffness at tau = 0, without forces of a rotating frame. Otherwise the argument is the
+        state itself. Raises ValueError for anything else.
         """
         if isinstance(initial_state, str):
             checks.one_of("initial_state", initial_state, ("static",))
@@ -638,7 +696,11 @@ class GearTrain(Model):
         return np.stack([np.zeros(backlash.size), -backlash / self.static_deflection])
 
     def check_state(self, initial_state: Any) -> Any:
-        """Return a checked initial state: "static" or a tuple of numbers."""
+        """Return a checked initial state: "static", or a tuple of numbers.
+
+        The tuple holds all coordinates and rates, or is (0, 0) for zeros. Raises ValueError
+        otherwise.
+        """
         state = self.start_state(initial_state)
         if isinstance(initial_state, str):
             return initial_state
@@ -653,9 +715,10 @@ class GearTrain(Model):
     def disturbed_state(self, state: Any, disturbance: float) -> tuple[float, ...]:
         """Return an initial state with a multiple of the first elastic mode added.
 
-        The `disturbance` is the largest displacement of the mode, in static deflections.
+        `disturbance` is the largest displacement of the added mode, in static deflections.
         """
         state = self.start_state(state)
+        # The columns of `lift` are states of the elastic modes, scaled to a largest entry of 1.
         _, lift = self.reduction()
         return tuple(map(float, state + disturbance * lift[:, 0]))
 
@@ -672,8 +735,9 @@ class GearTrain(Model):
     def empty_record(self, samples: int = 0, events: int = 16) -> tuple:
         """Return uninitialized tables (samples, events, summary) for the record of a run.
 
-        `samples` and `events` are numbers of rows. The columns of samples are six for each mesh,
-        then one for each coordinate.
+        `samples` and `events` are their numbers of rows; the summary has one row per mesh. The
+        columns of samples are, for each mesh, displacement, velocity, acceleration, contact,
+        stiffness and force, then one for each coordinate.
         """
         m = len(self.meshes)
         sample_columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
@@ -683,7 +747,7 @@ class GearTrain(Model):
     def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
         """Return the motions of the bodies as a dataset variable: name -> (dims, values).
 
-        The last columns of `samples`, shape (samples, columns), are the coordinates.
+        The last columns of the table `samples`, shape (samples, columns), are the coordinates q.
         """
         coordinates = samples[:, samples.shape[1] - self.size // 2 :]
         motion = np.einsum("ban,kn->kba", self.structure.motions, coordinates)
@@ -692,9 +756,10 @@ class GearTrain(Model):
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
         """Return the force ratio and load sharing of each mesh: name -> (dims, values).
 
-        `summaries`, shape (..., m, columns), cover a `span` of phase in rad; `dims` name their
-        dimensions without the columns. The force ratio is the largest force over the static force
-        of the linear train, both without signs; it is NaN for a mesh without load.
+        The force ratio is the largest force over the static force of the linear train, both without
+        signs; it is NaN for a mesh without load. `summaries`, shape (..., m, columns), are summary
+        tables of runs over a `span` of phase in rad; `dims` name their dimensions without the
+        columns.
         """
         force_ratios = self.force_ratios(summary.largest_force(summaries))
         shares = statics.load_shares(self, summaries[..., orbit.FORCE_SUM] / span)
@@ -719,7 +784,11 @@ class GearTrain(Model):
 
     @property
     def mean_forces(self):
-        """Static mesh forces of the linear train without errors, over the load, shape (m,)."""
+        """Static mesh forces of the linear train without errors, over the load, shape (m,).
+
+        In this train all flanks are in contact at mean stiffness; a negative force loads the coast
+        side.
+        """
         mean_stiffness = np.array([mesh.mean_stiffness for mesh in self.meshes])
         forces = mean_stiffness * self.static_mesh_displacements / self.load
         # Smaller forces are rounding errors of meshes without load.
@@ -728,9 +797,10 @@ class GearTrain(Model):
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
         """Return matrices (reduce, lift) from states to amplitudes of the elastic modes, and back.
 
-        Both matrices act on coordinates and rates. With Coriolis forces, elastic modes exchange
-        angular momentum with the rigid-body rotation; lifted rates keep its sum. Raises ValueError
-        if other forces act on the rigid-body rotation.
+        They remove the rigid-body rotation, which no spring resists. Both act on coordinates and
+        rates. Coriolis forces exchange angular momentum between elastic modes and rigid-body
+        rotation; lifted rates keep its sum. Raises ValueError if other forces act on the rigid-body
+        rotation.
         """
         free = self.free_motions
         _, shapes = self.linear_modes
