@@ -56,9 +56,10 @@ FIELDS: dict = {
 
 
 def shared_value(train: "GearTrain", name: str) -> float:
-    """Return the value of a parameter in `PARAMETERS` that all meshes of a train share.
+    """Return the value of a continuation parameter that all meshes of a train share.
 
-    `name` is the name of the parameter. Raises ValueError if the meshes have different values.
+    `name` is a key of `PARAMETERS`, such as "contact_ratio". The parameter backlash_ratio is the
+    backlash in static deflections. Raises ValueError if the meshes have different values.
     """
     field = "backlash" if name == "backlash_ratio" else name
     values = {getattr(mesh, field) for mesh in train.meshes}
@@ -74,8 +75,8 @@ def shared_value(train: "GearTrain", name: str) -> float:
 def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain":
     """Return a checked copy of a train with a new value of a parameter for all its meshes.
 
-    `name` is the name of the parameter in `PARAMETERS`. The maximum stiffness is adapted so that
-    mean stiffness, natural frequencies and static deflection do not change.
+    `name` is a key of `PARAMETERS`, such as "contact_ratio". The maximum stiffness is adapted so
+    that the mean stiffness, and with it natural frequencies and static deflection, do not change.
     """
     if name == "backlash_ratio":
         value = parameters.check(name, value, Backlash) * train.static_deflection
@@ -94,7 +95,8 @@ def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain
 def _elements(train: "GearTrain") -> dict[tuple, Any]:
     """Return the elements of a train: (kind, name) -> `Body`, `Shaft` or `Mesh`.
 
-    The kind is "body", "shaft" or "mesh". Matrices of the structure replace bodies, if given.
+    The kind is "body", "shaft" or "mesh". A train given by matrices has no bodies here, because its
+    masses and stiffnesses are in the matrices.
     """
     bodies = () if train.matrices is not None else train.bodies
     return (
@@ -105,10 +107,11 @@ def _elements(train: "GearTrain") -> dict[tuple, Any]:
 
 
 def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
-    """Return the locations of the finite numbers of a train: name -> [(element, field, axes)].
+    """Return where the numbers of a train are stored: name -> [(element, field, axes)].
 
-    An element is (kind, name), such as ("body", "sun"); axes is "x", "y" or "xy" for fields with a
-    value for x and y, else "". Stiffness and damping of rigid supports are left out.
+    A name is, for example, "inertia of body sun". An element is (kind, name), such as ("body",
+    "sun"). `axes` is "x", "y" or "xy" for fields with a pair of values along x and y, else "". Left
+    out are missing values and springs of infinite stiffness.
     """
     locations: dict = {}
     for element_key, element in _elements(train).items():
@@ -136,9 +139,10 @@ def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
 
 
 def _shared_locations(train: "GearTrain") -> dict[str, list[tuple]]:
-    """Return the locations of the mesh fields that have the same value in all meshes.
+    """Return where the mesh fields with equal values in all meshes are stored.
 
-    The result has the form of `_locations`: name of a field -> [(element, field, ""), ...].
+    The result maps the name of a field to [(element, field, ""), ...], one entry per mesh, where an
+    element is ("mesh", name).
     """
     return {
         field: [(("mesh", mesh.name), field, "") for mesh in train.meshes]
@@ -150,12 +154,14 @@ def _shared_locations(train: "GearTrain") -> dict[str, list[tuple]]:
 def settable(train: "GearTrain") -> dict[str, tuple[str, str]]:
     """Return the numbers of a train that can be changed: name -> (CF units, description).
 
-    A change of the number ``load`` changes all torques in proportion.
+    Names are, for example, "inertia of body sun"; the name of a mesh field alone refers to all
+    meshes. A change of the number ``load`` changes all torques in proportion.
     """
     descriptions = {"load": ("N", "load, all torques in proportion")}
     for field in _shared_locations(train):
         units, description = FIELDS["mesh"][field]
         descriptions[field] = units, f"{description} of all meshes"
+    # Each of these lists has a single entry.
     for name, [((kind, _), field, _)] in _locations(train).items():
         units, description = FIELDS[kind][field]
         descriptions[name] = units, description + name.removeprefix(field)
@@ -163,7 +169,10 @@ def settable(train: "GearTrain") -> dict[str, tuple[str, str]]:
 
 
 def value(train: "GearTrain", name: str) -> float:
-    """Return a number of a train by its name in `settable`, such as "inertia of body sun"."""
+    """Return a number of a train by its name in `settable`, such as "inertia of body sun".
+
+    A name of several equal numbers gives the first of them.
+    """
     if name == "load":
         return train.load
     element_key, field, axes = (_shared_locations(train) | _locations(train))[name][0]
@@ -172,7 +181,11 @@ def value(train: "GearTrain", name: str) -> float:
 
 
 def with_values(train: "GearTrain", new_values: dict[str, float]) -> "GearTrain":
-    """Return a checked copy of a train with new values of numbers in `settable`: name -> value."""
+    """Return a checked copy of a train with new values of numbers: name -> value.
+
+    `new_values` has keys of `settable`, such as "inertia of body sun". The number "load" scales all
+    torques, or the constant forces of given matrices.
+    """
     locations, elements = _shared_locations(train) | _locations(train), _elements(train)
     new_fields: dict = {element_key: {} for element_key in elements}  # element -> field -> value
     for name, new_value in new_values.items():

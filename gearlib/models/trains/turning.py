@@ -48,7 +48,8 @@ class Speeds(NamedTuple):
     def at(self, mesh: Mesh, bodies: dict) -> dict[str, Fraction]:
         """Return the speeds of all bodies relative to the line of centres of a mesh.
 
-        `bodies` maps names to `Body`, and the result maps names to speeds.
+        This line stands still in the housing or in the rotating frame of the carriers. `bodies`
+        maps names to `Body`, and the result maps names to speeds.
         """
         return self.in_housing if lies_in_housing(mesh, bodies) else self.in_frame
 
@@ -56,13 +57,14 @@ class Speeds(NamedTuple):
 def speeds(bodies, meshes, shafts, reference, carrier_ratio) -> Speeds:
     """Compute the `Speeds` of the bodies of a train from the tooth numbers.
 
-    `bodies` maps names to `Body`, and `reference` is the name of the reference mesh.
-    `carrier_ratio` is the speed of the frame over the speed of the reference pinion in this frame.
-    Bodies without a mesh or shaft have speed 0 in the frame. Raises ValueError for a locked train
-    or a mesh without connection to the reference mesh.
+    Speeds are propagated from the reference pinion over meshes and shafts. `bodies` maps names to
+    `Body`, `reference` is the name of the reference mesh, and `carrier_ratio` is the speed of the
+    frame over the speed of the reference pinion in this frame. Bodies without a mesh or shaft have
+    speed 0 in the frame. Raises ValueError for a locked train or an unconnected mesh.
     """
     reference_mesh = next(mesh for mesh in meshes if mesh.name == reference)
     frame_ratio = Fraction(carrier_ratio).limit_denominator(MAX_DENOMINATOR)
+    # In a period of its mesh (2 pi of phase) the pinion turns by one of its teeth.
     reference_speed = Fraction(1, bodies[reference_mesh.pinion].teeth)
     if lies_in_housing(reference_mesh, bodies):
         reference_speed /= 1 + frame_ratio
@@ -82,6 +84,7 @@ def speeds(bodies, meshes, shafts, reference, carrier_ratio) -> Speeds:
     speed_of = {body.carrier: Fraction(0) for body in bodies.values() if body.carrier}
     speed_of[reference_mesh.pinion] = reference_speed
     known_count = 0
+    # Repeat until no further body gets a speed.
     while len(speed_of) > known_count:
         known_count = len(speed_of)
         for body_1, body_2, ratio, axes_speed, connection_name in connections:
@@ -107,11 +110,10 @@ def speeds(bodies, meshes, shafts, reference, carrier_ratio) -> Speeds:
 
 
 def _rotation_sign(meshes, reference_mesh: Mesh, speeds: Speeds, bodies: dict) -> int:
-    """Return the sign of the speeds, 1 or -1, with which the gears that should drive do drive.
+    """Return 1, or -1 if all `speeds` must be reversed so that the intended gears drive.
 
-    These are the gears named by `Mesh.driving` or, if no mesh names one, the pinion of the
-    reference mesh. `speeds` and `bodies`, name -> `Body`, belong to the whole train. Raises
-    ValueError if meshes contradict each other.
+    These gears are named by `Mesh.driving`; if no mesh names one, the pinion of the reference mesh
+    drives. `bodies` maps names to `Body`. Raises ValueError if meshes contradict each other.
     """
     meshes = [mesh for mesh in meshes if mesh.driving]
     signs = []
@@ -136,7 +138,8 @@ def _rotation_sign(meshes, reference_mesh: Mesh, speeds: Speeds, bodies: dict) -
 def driving_gear(mesh: Mesh, speed: dict[str, Fraction]) -> str:
     """Return the name of the gear that drives a mesh through the drive-side flanks.
 
-    `speed` maps the name of a body to its signed speed relative to the line of centres.
+    It is the gear that moves towards the side on which its drive-side flanks lie. `speed` maps the
+    name of a body to its signed speed relative to the line of centres.
     """
     pinion_drives = speed[mesh.pinion] * _drive_side_sign(mesh, mesh.pinion) > 0
     return mesh.pinion if pinion_drives else mesh.wheel
@@ -145,7 +148,8 @@ def driving_gear(mesh: Mesh, speed: dict[str, Fraction]) -> str:
 def pitch_phase(mesh: Mesh, speed: dict[str, Fraction]) -> float:
     """Return the mesh phase at which drive-side flanks touch at the pitch point, rad.
 
-    `speed` maps the name of a body to its signed speed.
+    If the wheel drives, the flanks pass through the mesh in the opposite order, so that the sign
+    changes. `speed` maps the name of a body to its signed speed.
     """
     return mesh.pitch_phase if driving_gear(mesh, speed) == mesh.pinion else -mesh.pitch_phase
 
@@ -153,10 +157,10 @@ def pitch_phase(mesh: Mesh, speed: dict[str, Fraction]) -> float:
 def sliding_phases(mesh: Mesh, speed: dict[str, Fraction]) -> tuple[float, float]:
     """Return the phases at which the sliding becomes positive on the (coast, drive) side.
 
-    Phases are in mesh periods after the middle of the upper stiffness level of the drive side.
-    `speed` maps the name of a body to its signed speed. Drive-side flanks touch at the pitch point
-    at their phase, but coast-side flanks half a period later, because their force has the opposite
-    sign.
+    Phases are in mesh periods after the middle of the upper stiffness level of the drive side. On
+    the drive side this is the phase at which flanks touch at the pitch point. On the coast side it
+    is half a period earlier or later, because the mesh force has the opposite sign. `speed` maps
+    the name of a body to its signed speed.
     """
     drive = pitch_phase(mesh, speed) / math.tau
     return drive + float(thickness_difference(mesh, speed)) / 2.0, drive
@@ -165,7 +169,8 @@ def sliding_phases(mesh: Mesh, speed: dict[str, Fraction]) -> tuple[float, float
 def thickness_difference(mesh: Mesh, speed: dict[str, Fraction]) -> Fraction:
     """Return the tooth thickness of the driving gear minus that of the driven gear, in pitches.
 
-    `speed` maps the name of a body to its signed speed.
+    It is 0 if the mesh has no `tooth_thickness`. `speed` maps the name of a body to its signed
+    speed.
     """
     if mesh.tooth_thickness is None:
         return Fraction(0)
@@ -174,9 +179,11 @@ def thickness_difference(mesh: Mesh, speed: dict[str, Fraction]) -> Fraction:
 
 
 def coast_side_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> float:
-    """Return the stiffness phase of the coast side of a mesh, given `phase` of its drive side.
+    """Return the stiffness phase of the coast side, the flanks that carry a reversed load.
 
-    Both phases are in mesh periods; `speed` maps the name of a body to its signed speed.
+    It is `Mesh.coast_phase` if given; otherwise it follows from `phase`, the stiffness phase of the
+    drive side, and from the tooth thickness. Both are the middle of the upper stiffness level, in
+    mesh periods. `speed` maps the name of a body to its signed speed.
     """
     if mesh.coast_phase is not None:
         return mesh.coast_phase % 1.0
@@ -189,11 +196,12 @@ def coast_side_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> fl
 
 
 def phases(bodies, meshes, shafts, reference, speeds) -> dict:
-    """Return the phase of each mesh in mesh periods, in [0, 1): name of the mesh -> phase.
+    """Return the stiffness phase of each mesh: name of the mesh -> mesh periods, in [0, 1).
 
-    A phase follows from the teeth unless the mesh has its own. `bodies` maps names to `Body`,
-    `reference` is the name of the reference mesh, and `speeds` are the `Speeds` of the bodies.
-    Raises ValueError if the teeth do not fit together, so that the train cannot be assembled.
+    It is the middle of the upper stiffness level. It follows from the positions of the teeth unless
+    the mesh has its own. `bodies` maps names to `Body`, `reference` is the name of the reference
+    mesh, and `speeds` are the `Speeds` of the bodies. Raises ValueError if the teeth do not fit
+    together, so that the train cannot be assembled.
     """
     meshes_by_teeth = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
     # Given keyings come before those that follow from the loops of meshes.
@@ -202,6 +210,7 @@ def phases(bodies, meshes, shafts, reference, speeds) -> dict:
     teeth.place_pinion(next(mesh for mesh in meshes if mesh.name == reference))
     while len(teeth.phases) < len(meshes_by_teeth):
         # Follow meshes first, then shafts; start anew at a mesh that neither of them reaches.
+        # The list makes `any` place all meshes in each pass.
         while any([teeth.place_by_mesh(mesh) for mesh in meshes_by_teeth]):
             pass
         if not teeth.place_by_shaft() and len(teeth.phases) < len(meshes_by_teeth):
@@ -219,8 +228,9 @@ def phases(bodies, meshes, shafts, reference, speeds) -> dict:
 def _check_keying(shaft, bodies: dict, positions: dict) -> None:
     """Raise ValueError if the keying of a shaft contradicts the positions of its gears.
 
-    `bodies` maps names to `Body`, and `positions` maps names to tooth pitches from angle 0 to the
-    middle of a tooth.
+    The keying is the angle from a tooth of the first gear to a tooth of the second. `bodies` maps
+    names to `Body`, and `positions` maps names to the tooth pitches from angle 0 to the middle of a
+    tooth.
     """
     tooth_counts = [bodies[name].teeth or 1 for name in shaft.bodies]
     # Angles of a tooth middle of both bodies, in revolutions.
@@ -254,14 +264,16 @@ class _ToothPositions:
     def place_by_mesh(self, mesh: Mesh) -> bool:
         """Set the position of a gear from the gear that it meshes with, and the phase of the mesh.
 
-        Returns False if neither gear has a position yet, or the mesh already has its phase. Raises
-        ValueError if the teeth of two placed gears do not fit together.
+        Returns whether this was done: False if neither gear has a position yet, or the mesh already
+        has its phase. Raises ValueError if the teeth of two gears with positions do not fit
+        together.
         """
         placed_gears = [name for name in (mesh.pinion, mesh.wheel) if name in self.positions]
         if not placed_gears or mesh.name in self.phases:
             return False
         gear, speed = placed_gears[0], self.speeds.at(mesh, self.bodies)
         pitches = _contact_position(mesh, gear, self.bodies) - self.positions[gear]
+        # Time until the drive-side flank of this gear reaches the pitch point.
         periods = math.copysign(1.0, speed[gear]) * pitches
         for name in (mesh.pinion, mesh.wheel):
             if self._place(mesh, name, periods) > _POSITION_TOLERANCE:
@@ -275,13 +287,15 @@ class _ToothPositions:
         return True
 
     def place_by_shaft(self) -> bool:
-        """Set the position of one body from another body on the same shaft.
+        """Set the position of one body from another body on the same shaft, and return True.
 
-        Returns False if no shaft joins a body that has a position to one without.
+        The angle between their teeth is the keying of the shaft, 0 by default. Returns False if no
+        shaft joins a body that has a position to one without.
         """
         for shaft in self.shafts:
             for (placed, unplaced), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
                 if placed in self.positions and unplaced not in self.positions:
+                    # Positions count tooth pitches; a body without teeth counts revolutions.
                     revolutions = self.positions[placed] / (self.bodies[placed].teeth or 1)
                     revolutions += sign * ((shaft.keying or 0.0) / math.tau)
                     self.positions[unplaced] = revolutions * (self.bodies[unplaced].teeth or 1)
@@ -289,11 +303,11 @@ class _ToothPositions:
         return False
 
     def _place(self, mesh: Mesh, name: str, periods: float) -> float:
-        """Set the position of a gear from the time at which it touches the other gear of a mesh.
+        """Set the position of a gear so that its drive-side flank reaches the pitch point in time.
 
-        The drive-side flank of the gear called `name` is at the pitch point after a number of mesh
-        `periods`. If the gear already has a position, keep it and return the misfit in pitches;
-        otherwise return 0.
+        The time is a number of mesh `periods`, in which the flank of the gear called `name` comes
+        to the pitch point of the mesh. If the gear already has a position, keep it and return the
+        misfit in tooth pitches, modulo one pitch; otherwise return 0.
         """
         contact, side = _contact_position(mesh, name, self.bodies), _drive_side_sign(mesh, name)
         speed = self.speeds.at(mesh, self.bodies)[name]
@@ -311,23 +325,29 @@ class _ToothPositions:
 def _drive_side_sign(mesh: Mesh, name: str) -> int:
     """Return 1 if the drive-side flanks of a gear are on the counterclockwise side, else -1.
 
-    `name` is the name of a gear of the mesh.
+    `name` is the name of a gear of the mesh. The pinion of an internal mesh touches with the side
+    opposite to that of the ring gear.
     """
     return -mesh.direction if mesh.internal and name == mesh.pinion else mesh.direction
 
 
 def _thickness(mesh: Mesh, name: str) -> float:
-    """Return the tooth thickness in pitches of the gear called `name`, half a pitch by default."""
+    """Return the tooth thickness of a gear of a mesh in pitches, half a pitch by default.
+
+    `name` is the name of the gear.
+    """
     if mesh.tooth_thickness is None:
         return 0.5
+    # `tooth_thickness` is the pair (pinion, wheel).
     return mesh.tooth_thickness[1 if name == mesh.wheel else 0]
 
 
 def _contact_position(mesh: Mesh, name: str, bodies: dict) -> float:
     """Return the angle of the middle of a tooth whose drive-side flank is at the pitch point.
 
-    `name` is the name of a gear of the mesh, and `bodies` maps names to `Body`. The angle is in
-    tooth pitches of this gear, counterclockwise from angle 0.
+    The angle is in tooth pitches of this gear, counterclockwise from angle 0; the flank lies half a
+    tooth thickness from the middle. `name` is the name of a gear of the mesh, and `bodies` maps
+    names to `Body`.
     """
     angle = mesh.centre_line_angle
     if not mesh.internal and name == mesh.wheel:

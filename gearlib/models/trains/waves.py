@@ -34,9 +34,10 @@ class Segments(NamedTuple):
 
 
 def segments(train: "GearTrain", first: int, count: int) -> Segments:
-    """Return the `Segments` of `count` reference mesh periods that begin with period `first`.
+    """Return the `Segments` of mesh phase in which no stiffness or sliding direction changes.
 
-    Periods are stored cyclically: period n lies at position n modulo `count`.
+    They cover `count` periods of the reference mesh that begin with period number `first`. Periods
+    are stored cyclically: period n lies at position n modulo `count`.
     """
     period_starts = [math.tau * k for k in range(count + 1)]
     offset = first % count  # position of period `first`
@@ -77,11 +78,12 @@ def segments(train: "GearTrain", first: int, count: int) -> Segments:
 
 
 def _change_times(mesh, ratio, stiffness_phases, sliding_phases, first, count) -> np.ndarray:
-    """Return the times at which stiffness or sliding of a mesh change, in reference mesh periods.
+    """Return the times at which the stiffness or sliding direction of a mesh changes.
 
-    Times are counted from the start of reference period `first` and lie between 0 and `count`.
-    `ratio` is the mesh frequency over the reference mesh frequency, a `Fraction`. The phases, of
-    (coast, drive) sides, are the results of `_stiffness_and_sliding_phases`.
+    Times are in periods of the reference mesh from the start of its period `first`, between 0 and
+    `count`. `ratio` is the frequency of the mesh over that of the reference mesh, a `Fraction`.
+    `stiffness_phases` are the middles of the upper stiffness level, and `sliding_phases` the
+    changes to positive sliding, each for (coast, drive) sides in mesh periods.
     """
     phases = set()
     if mesh.varies:
@@ -89,6 +91,7 @@ def _change_times(mesh, ratio, stiffness_phases, sliding_phases, first, count) -
         phases |= {phase + half_length for phase in stiffness_phases}
         phases |= {phase - half_length for phase in stiffness_phases}
     if any(mesh.friction):
+        # The sliding changes its sign again half a period later.
         phases |= {phase + half_period for phase in sliding_phases for half_period in (0.0, 0.5)}
     # A change recurs in every period of this mesh, the first of which starts at `start`.
     earlier_periods = math.floor(first * ratio)
@@ -100,10 +103,10 @@ def _change_times(mesh, ratio, stiffness_phases, sliding_phases, first, count) -
 
 
 def _stiffness_and_sliding_phases(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
-    """Return (stiffness phases, sliding phases) of a mesh, each for (coast, drive) sides.
+    """Return (stiffness phases, sliding phases) of a mesh, each for the (coast, drive) sides.
 
-    Phases are in mesh periods. A stiffness phase is the middle of the upper stiffness level, and a
-    sliding phase is the change to positive sliding.
+    A stiffness phase is the middle of the upper stiffness level, and a sliding phase is the change
+    to positive sliding, in mesh periods.
     """
     coast, drive = train.coast_phases[mesh.name], train.phases[mesh.name]
     sliding_phases = turning.sliding_phases(mesh, train.speeds_at(mesh))
@@ -113,22 +116,24 @@ def _stiffness_and_sliding_phases(train: "GearTrain", mesh: Mesh) -> tuple[tuple
 def at_lower_level(mesh, stiffness_phases, phases) -> np.ndarray:
     """Return whether (coast, drive) sides have the lower stiffness at p mesh phases, shape (2, p).
 
-    `phases`, shape (p,), and `stiffness_phases`, the middle of the upper level of the (coast,
-    drive) side, are in mesh periods.
+    `stiffness_phases` are the phases in the middle of the upper stiffness level of the (coast,
+    drive) sides. They and `phases`, shape (p,), are in periods of this mesh.
     """
     if not mesh.varies:
         # If the levels differ, one pair of teeth (contact ratio 1) has the lower one, two (ratio 2)
         # have the upper one.
         return np.full((2, len(phases)), mesh.contact_ratio < 2.0 and mesh.two_levels)
+    # Distance from the middle of the nearest upper level, whose length is the contact ratio minus
+    # 1.
     distance = np.abs(np.mod(phases - np.array(stiffness_phases)[:, None] + 0.5, 1.0) - 0.5)
     return distance > (mesh.contact_ratio - 1.0) / 2.0
 
 
 def stiffness_harmonic(mesh: Mesh, order: int, phase: float) -> complex:
-    """Return the complex Fourier amplitude, N/m, of a harmonic of the mesh stiffness.
+    """Return the complex Fourier amplitude, N/m, of a harmonic of the rectangular mesh stiffness.
 
     `order`, at least 1, counts waves per period of this mesh; `phase`, in mesh periods, is the
-    middle of the upper stiffness level.
+    middle of the upper stiffness level, whose length is the contact ratio minus 1.
     """
     stiffness_jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
     amplitude = 2.0 * stiffness_jump * math.sin(math.pi * order * (mesh.contact_ratio - 1.0))
@@ -136,15 +141,17 @@ def stiffness_harmonic(mesh: Mesh, order: int, phase: float) -> complex:
 
 
 def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the changes of flank distances by errors, deviations and run-out of m meshes.
+    """Return the changes of flank distances of m meshes by errors, deviations and run-out.
 
-    The result is (frequencies, amplitudes, constants). The h frequencies, shape (h,), are per
-    radian of reference mesh phase. Amplitudes in m, shape (2, m, 2 h), hold the cosine and the sine
-    of each frequency, and constants are in m, shape (2, m); the first axis is coast and drive side.
+    The result is (frequencies, amplitudes, constants). The h frequencies, shape (h,), are in
+    radians per radian of reference mesh phase, and include those of harmonic forces. Amplitudes in
+    m, shape (2, m, 2 h), alternate between cosine and sine of each frequency; constants are in m,
+    shape (2, m). The first axis is (coast side, drive side).
     """
     harmonics, constants = excitation_harmonics(train, train.structure.line_vectors)
     m = len(train.meshes)
     for force in train.forces:
+        # A force changes no distance, but the engines need its frequency.
         harmonics.setdefault(force_frequency(train, force), np.zeros((2, m, 2)))
     frequencies = sorted(harmonics)
     amplitudes = np.array([harmonics[frequency] for frequency in frequencies])
@@ -153,16 +160,21 @@ def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def force_frequency(train: "GearTrain", force: HarmonicForce) -> Fraction:
-    """Return the frequency of a harmonic force in radians per radian of reference mesh phase."""
+    """Return the frequency of a harmonic force in radians per radian of reference mesh phase.
+
+    The order of the force refers to a mesh or to the revolutions of a body, named `force.of`.
+    """
     if force.of in train.mesh_names:
         return force.order * train.frequency_ratios[train.mesh_names.index(force.of)]
     return force.order * abs(train.speeds.in_housing[force.of])
 
 
 def force_row(train: "GearTrain", force: HarmonicForce, motions: np.ndarray) -> np.ndarray:
-    """Return the row vector of the motion on which a harmonic force does work, shape (n,).
+    """Return the row vector, shape (n,), of the motion on which a harmonic force does work.
 
-    `motions`, shape (bodies, 3, n), is a field of the `Structure`, in floats or balls.
+    It maps the n coordinates to a displacement in m or, for a torque, to a rotation in rad.
+    `motions`, shape (bodies, 3, n), holds the rows of all bodies for x, y and the rotation as arc
+    length, in floats or balls (intervals).
     """
     if train.matrices is not None and force.body in train.matrices.coordinates:
         return train.matrices.motion(force.body)
@@ -173,7 +185,8 @@ def force_row(train: "GearTrain", force: HarmonicForce, motions: np.ndarray) -> 
 def force_harmonics(train, motions, arithmetic=FLOAT_ARITHMETIC) -> dict:
     """Return the harmonic forces on n coordinates: frequency -> cosine and sine parts in N, (2, n).
 
-    `motions`, shape (bodies, 3, n), is a field of the `Structure`, in floats or balls.
+    Frequencies are in radians per radian of reference mesh phase. `motions`, shape (bodies, 3, n),
+    holds the row vectors of all bodies for x, y and rotation, in floats or balls (intervals).
     """
     harmonics: dict = {}
     for force in train.forces:
@@ -189,10 +202,10 @@ def force_harmonics(train, motions, arithmetic=FLOAT_ARITHMETIC) -> dict:
 def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
     """Return the changes of flank distances of m meshes as (harmonics, constants) in m.
 
-    Harmonics are a dict, frequency -> cosines and sines, shape (2, m, 2); constants have the shape
-    (2, m). The first axis is coast and drive side. `line_vectors`, shape (m, 2, 2), are unit
-    vectors of the lines of action with the signs of pinion and wheel. The `arithmetic` computes
-    with floats or with balls, which are intervals that enclose the numbers.
+    `harmonics` is a dict, frequency -> cosines and sines, shape (2, m, 2), and `constants` has the
+    shape (2, m); the first axis is (coast side, drive side). `line_vectors`, shape (m, 2, 2), are
+    the unit vectors of the lines of action with the signs of pinion and wheel. `arithmetic`
+    computes with floats, or with balls (intervals that enclose the numbers).
     """
     harmonics: dict = {}
     convert, constants = arithmetic.convert, arithmetic.zeros(2, len(train.meshes))
@@ -200,7 +213,7 @@ def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
     def add_harmonic(frequency: Fraction, j: int, sides: list[int], cosine: Any, sine: Any) -> None:
         """Add a cosine and a sine to some sides of mesh j: 0 is the coast and 1 the drive side.
 
-        A negative frequency changes the sign of the sine.
+        A negative frequency is made positive, which changes the sign of the sine.
         """
         amplitudes = harmonics.setdefault(abs(frequency), arithmetic.zeros(2, len(train.meshes), 2))
         amplitudes[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
@@ -236,11 +249,10 @@ def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
 
 
 def deviation_of_teeth(train: "GearTrain", mesh: Mesh, side: int) -> tuple[float, np.ndarray]:
-    """Return the phase and the deviation of the loaded teeth on a side, 0 coast or 1 drive.
+    """Return (phase, deviation) by which loaded teeth excite a side, 0 coast or 1 drive.
 
-    The phase is in mesh periods, and the rows of the deviation are (order, cosine, sine) in m. It
-    follows from the transmission error: while the gears follow this error, the mesh force is
-    constant.
+    The phase is in mesh periods, and the rows of the deviation are (order, cosine, sine) in m. The
+    deviation is the transmission error: while the gears follow it, the mesh force is constant.
     """
     pinion_drives = turning.driving_gear(mesh, train.speeds_at(mesh)) == mesh.pinion
     # Where the wheel drives, the contact moves the other way along the path of contact. On the
@@ -254,7 +266,11 @@ def deviation_of_teeth(train: "GearTrain", mesh: Mesh, side: int) -> tuple[float
 
 
 def common_period(train: "GearTrain") -> int:
-    """Return the number of reference mesh periods after which the whole excitation repeats."""
+    """Return the number of reference mesh periods after which the whole excitation repeats.
+
+    The excitation consists of all meshes, run-outs and harmonic forces. The number is the least
+    common multiple of the denominators of their frequencies, which are fractions.
+    """
     frequencies = list(train.frequency_ratios)
     for mesh in train.meshes:
         for name in (mesh.pinion, mesh.wheel):
