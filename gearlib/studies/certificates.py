@@ -136,8 +136,8 @@ def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     """Certify ranges of tunings with an orbit that never loses contact; return the certificates.
 
     The tuning is mesh frequency over natural frequency. `branch` is a dataset with the points of
-    all branches of orbits of `pair`. A range lies between two successive special points (folds,
-    period doublings, grazings), and its ends are multiples of `_TUNING_STEP`.
+    all branches of orbits of `pair`. A range lies between two successive special points, such as
+    folds and period doublings, and its ends are multiples of `_TUNING_STEP`.
     """
     tuning, label = branch.tuning.values, branch.label.values
     branch_number = branch.branch.values

@@ -37,9 +37,13 @@ class Data:
     """The computed data of one configuration; its methods select the data for a statement."""
 
     def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> None:
-        """Take a `GearPair`, dampings by name, and datasets; `evaluate` describes them.
+        """Take a `GearPair`, damping combinations by name, and datasets of computed motions.
 
-        `jump` has the jump of the motion from rest, `scenes` maps names to sets of simulated cases.
+        `dampings` maps a name to material_damping and backlash_damping (N s/m). Of the datasets,
+        `resonance` has sweeps, `phase_planes` time histories, and `phase_lag` the lag of the
+        displacement behind the stiffness. `jump` has the tuning (dimensionless mesh frequency) at
+        which the motion from rest jumps to another orbit, and `scenes` maps names of figures to
+        datasets of simulated cases.
         """
         self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
         self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
@@ -50,9 +54,10 @@ class Data:
         }
 
     def damping_names(self, material=None, backlash=None) -> list[str]:
-        """Return the names of the dampings with given kinds of damping; raise NoData if none.
+        """Return the names of the damping combinations that have, or lack, some kinds of damping.
 
-        `material` and `backlash` tell whether this kind of damping is present; None: either.
+        `material` and `backlash` tell whether damping in contact and damping in free flight are
+        present; None allows both. Raise NoData if there is no such combination.
         """
         damping_names = [
             name
@@ -64,10 +69,11 @@ class Data:
         return damping_names
 
     def curve(self, damping: str, lowest: float, highest: float) -> xr.Dataset:
-        """Return the response curve of a damping from the tuning `lowest` to `highest`.
+        """Return the sweep with one damping combination from the tuning `lowest` to `highest`.
 
-        Every run starts from the same initial state ("cold"). Raise NoData if the computed tunings
-        do not cover this range, or if a run stopped early.
+        The tuning is mesh frequency over natural frequency. In the sweep "cold" every run starts
+        from the same initial state. Raise NoData if the computed tunings do not cover the range, or
+        if a run stopped early (status other than 0).
         """
         if "cold" not in self.resonance.direction.values:
             raise NoData("no cold resonance characteristic is configured")
@@ -87,9 +93,10 @@ class Data:
     def scene(self, figure: str, cases: int | None = None) -> xr.Dataset:
         """Return the simulated cases that reproduce a figure of the paper, such as "fig4".
 
-        A scene is a dataset of time histories and summaries along the dimension "case"; the first
-        one whose name begins with `figure` is used. Raise NoData if there is none, or if its number
-        of cases is not `cases` (None: any number).
+        The result, a scene, is a dataset of time histories and summaries along the dimension
+        "case". It is the first one whose name begins with `figure`. Raise NoData if there is none,
+        if its number of cases is not `cases` (None: any number), or if a run stopped early (status
+        other than 0).
         """
         scenes = [scene for name, scene in sorted(self.scenes.items()) if name.startswith(figure)]
         if not scenes or cases not in (None, scenes[0].sizes["case"]):
@@ -99,7 +106,11 @@ class Data:
         return scenes[0]
 
     def planes(self, damping: str, tunings: Sequence[float]) -> xr.Dataset:
-        """Return the phase portraits of a damping at some tunings, or raise NoData."""
+        """Return the phase portraits with one damping combination at several tunings.
+
+        The tuning is mesh frequency over natural frequency. Raise NoData if there is no portrait at
+        one of the tunings, or if a run stopped early (status other than 0).
+        """
         configured = self.phase_planes.tuning.values
         for tuning in tunings:
             if not np.isclose(configured, tuning, rtol=0.0, atol=1e-9).any():
@@ -118,11 +129,13 @@ CHECKS: list[tuple] = []
 def _statement(identifier: str, text: str, place: str, figure: str = "") -> Callable:
     """Return a decorator that adds a rule, the function that checks a statement, to `CHECKS`.
 
-    `identifier` is such as "P1", `text` the statement, `place` its place in the paper. `figure` is
-    the figure of the workflow, by default the same as the place.
+    `identifier` is the number of the statement, such as "P1", `text` the statement itself, and
+    `place` its place in the paper. `figure` is the figure of the workflow that shows the data, by
+    default `place`.
     """
 
     def add(rule: Callable) -> Callable:
+        """Append the statement and its rule to `CHECKS`, and return the rule unchanged."""
         CHECKS.append((identifier, text, place, figure or place, rule))
         return rule
 
@@ -136,14 +149,16 @@ def _statement(identifier: str, text: str, place: str, figure: str = "") -> Call
     figure="Fig. 3",
 )
 def printed_tunings(data: Data) -> tuple[bool, str]:
-    """Check claim P1 of the paper: the printed tunings at the largest and the smallest stiffness.
+    """Check claim P1 of the paper: the published tunings for the extreme mesh stiffnesses.
 
-    Return whether it holds for the computed data, and the computed numbers as text.
+    The tuning nu refers the mesh frequency to the natural frequency at the mean stiffness, nu_max
+    and nu_min to that at the largest and at the smallest stiffness. Return whether the claim holds,
+    and the computed numbers as a string.
     """
-    # Tuning nu -> nu_max, nu_min, which refer to the natural frequency at the extreme stiffness.
+    # Tuning nu -> published values of nu_max and nu_min.
     printed = {0.815: (0.7391, 0.9639), 0.8151: (0.7392, 0.9640)}
     computed = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
-    # Half a unit of the four printed decimals, with a margin for rounding errors.
+    # Half a unit of the four published decimals, with a margin for rounding errors.
     tolerance = 0.5001e-4
     differences = np.subtract([*printed.values()], [*computed.values()])
     holds = bool((np.abs(differences) <= tolerance).all())
@@ -158,11 +173,12 @@ def printed_tunings(data: Data) -> tuple[bool, str]:
     "P2", "k1 = 3.95, 4, 0.04 N s/mm: beta 0.062, 0.0624, 0.000624", "text, Fig. 2", figure="Fig. 3"
 )
 def printed_damping_ratios(data: Data) -> tuple[bool, str]:
-    """Check claim P2 of the paper: the printed damping ratios of three material dampings.
+    """Check claim P2 of the paper: the published damping ratios of three damping coefficients.
 
-    Return whether it holds for the computed data, and the computed numbers as text.
+    The coefficients k1 are those of the material damping, the damping in contact. Return whether
+    the claim holds, and the computed ratios as a string.
     """
-    # Damping in N s/m -> printed ratio, and half a unit of its last digit.
+    # Damping in N s/m -> published ratio, and half a unit of its last digit.
     printed = {3950.0: (0.062, 0.5e-3), 4000.0: (0.0624, 0.5e-4), 40.0: (0.000624, 0.5e-6)}
     computed = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
     holds = all(abs(computed[k] - ratio) <= tolerance for k, (ratio, tolerance) in printed.items())
@@ -175,9 +191,12 @@ VISIBLE_SHIFT = 1.0
 
 @_statement("P3", "the size of k1 shifts the phase of y(t) against C(t)", "Fig. 2")
 def phase_shift(data: Data) -> tuple[bool, str]:
-    """Check claim P3 of the paper: the material damping visibly shifts the phase of the motion.
+    """Check claim P3 of the paper: material damping visibly shifts the phase of the motion.
 
-    Return whether it holds for the computed data, and the computed numbers as text.
+    The phase is that of the first mesh harmonic, by which the displacement y lags behind the
+    stiffness C. A shift is visible if it exceeds `VISIBLE_SHIFT`, in degrees. Return whether the
+    claim holds, and the computed phases as a string. Raise NoData with fewer than two damping
+    values or without an orbit of one mesh period.
     """
     lag = data.phase_lag.lag.isel(harmonic=0)
     if lag.size < 2 or lag.isnull().any():
@@ -195,7 +214,11 @@ _SMALL_REGION_CENTRE, _SMALL_REGION_HALF_WIDTH = 0.66, 0.02
 
 
 def interval_text(tuning: np.ndarray, condition: np.ndarray) -> str:
-    """Return the intervals of `tuning`, (n,), in which the mask `condition` is true, as text."""
+    """Return the intervals of `tuning` in which a condition is true, as a string.
+
+    `tuning`, increasing, and the mask `condition` have the shape (n,). An example of the string is
+    "0.8 ... 1.12, 1.3".
+    """
     texts = []
     for first, last in true_intervals(condition):
         lower, upper = tuning[first], tuning[last]
@@ -204,7 +227,11 @@ def interval_text(tuning: np.ndarray, condition: np.ndarray) -> str:
 
 
 def loses_contact(curve: xr.Dataset) -> np.ndarray:
-    """Return a mask of the tunings of a sweep, or of phase portraits, at which contact is lost."""
+    """Return a mask of the tunings of a sweep, or of phase portraits, at which contact is lost.
+
+    Contact is lost at displacements below zero; `CONTACT_TOLERANCE` allows for rounding errors of
+    motions that only touch zero.
+    """
     return curve.displacement_min.values < -CONTACT_TOLERANCE
 
 
@@ -212,9 +239,10 @@ def loses_contact(curve: xr.Dataset) -> np.ndarray:
     "P4", "conservative: normal mesh for 0.6 <= nu < 0.8 except a small region near 0.66", "Fig. 3"
 )
 def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
-    """Check claim P4 of the paper: undamped contact is lost below a tuning of 0.8 only near 0.66.
+    """Check claim P4 of the paper: below a tuning of 0.8, undamped contact is lost only near 0.66.
 
-    Return whether it holds for the computed data, and the computed numbers as text.
+    The tuning is mesh frequency over natural frequency. Return whether the claim holds, and the
+    tunings at which contact is lost as a string.
     """
     undamped = data.damping_names(material=False, backlash=False)[0]
     curve = data.curve(undamped, lowest=0.6, highest=0.8 - PLOT_RESOLUTION)
@@ -222,15 +250,15 @@ def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
     tuning = curve.tuning.values
     in_region = abs(tuning - _SMALL_REGION_CENTRE) <= _SMALL_REGION_HALF_WIDTH
     holds = bool(is_lost[in_region].any() and not is_lost[~in_region].any())
-    # The range ends before 0.8, because the next statement judges where bounces begin.
+    # The range ends one plot resolution before 0.8, since claim P5 judges where bounces begin.
     intervals = interval_text(tuning, is_lost)
     return holds, f"below nu = {0.8 - PLOT_RESOLUTION:g} contact is lost at {intervals}"
 
 
 def fraction_text(fraction: float) -> str:
-    """Return a fraction of chaotic motions as "all", "most", "some" or "none".
+    """Return a fraction of chaotic motions as the word "all", "most", "some" or "none".
 
-    Its exact value depends on rounding errors.
+    The exact value is not stated, because it depends on rounding errors.
     """
     if fraction in (0.0, 1.0):
         return "all" if fraction else "none"
@@ -243,9 +271,11 @@ def fraction_text(fraction: float) -> str:
     "Fig. 3",
 )
 def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
-    """Check claim P5 of the paper: undamped motions above a tuning of 0.8 bounce chaotically.
+    """Check claim P5 of the paper: undamped motions bounce chaotically from a tuning of 0.8 on.
 
-    Return whether it holds for the computed data, and the computed numbers as text.
+    The tuning is mesh frequency over natural frequency. A motion is unsteady if it does not repeat,
+    which is stored as a period of 0. Return whether the claim holds, and the fractions of the
+    tunings with contact loss, coast-side contact and unsteady motion as a string.
     """
     curve = data.curve(data.damping_names(material=False, backlash=False)[0], 0.7, 1.12)
     tuning = curve.tuning.values
@@ -275,7 +305,9 @@ def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
 def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
     """Check claim P6 of the paper: with material damping, contact is lost from 0.8 to 1.12 only.
 
-    Return whether it holds for the computed data, and the computed numbers as text.
+    These numbers are tunings, mesh frequency over natural frequency. In addition, coast-side
+    contact must not occur. Return whether the claim holds with all these damping combinations, and
+    the tunings at which contact is lost as a string.
     """
     highest = data.resonance.tuning.values[-1]
     holds, texts = True, []
@@ -285,6 +317,7 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
         is_lost = loses_contact(curve)
         inverse = bool((curve.fraction_coast.values > 0).any())
         ends = tuning[is_lost][[0, -1]] if is_lost.any() else np.full(2, np.nan)
+        # NaN, if contact is never lost, fails this comparison.
         holds &= (np.abs(ends - (0.8, 1.12)) <= 2 * PLOT_RESOLUTION).all()
         holds &= not inverse
         side = "with" if inverse else "without"
@@ -301,11 +334,14 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
 def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
     """Check claim P7 of the paper: only with backlash damping alone is contact lost above 1.12.
 
-    Return whether it holds for the computed data, and the computed numbers as text.
+    1.12 is a tuning, mesh frequency over natural frequency; backlash damping is viscous damping by
+    the oil in free flight. Return whether the claim holds, and for each damping combination the
+    percentage of tunings with contact loss as a string.
     """
     # The lower limit exceeds the paper's 1.12 by more than the resolution of its plot.
     lowest = 1.12 + 2 * PLOT_RESOLUTION
     highest = data.resonance.tuning.values[-1]
+    # The flags tell whether there is material damping, and whether there is backlash damping.
     damped = [name for name, flags in data.dampings.items() if any(flags)]
     with_oil = data.damping_names(material=False, backlash=True)
     curves = {name: data.curve(name, lowest, highest) for name in damped}
@@ -321,8 +357,9 @@ def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
 def contact_ratios(data: Data) -> tuple[bool, str]:
     """Check claim P8 of the paper: the stiffness is mostly low at a small contact ratio.
 
-    At a large contact ratio it is mostly high. Return whether this holds for the computed data, and
-    the computed numbers as text.
+    At a large contact ratio it must mostly be high. "Mostly" means for more than half of the time,
+    in contact at the smallest or largest stiffness, C_min or C_max. Return whether the claim holds,
+    and the fractions of time as a string.
     """
     scene = data.scene("fig4", cases=2)  # the small contact ratio, then the large one
     low_fractions = scene.fraction_min_stiffness.values  # of time in mesh at C_min, by case
@@ -347,8 +384,10 @@ _PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
 def undamped_phase_planes(data: Data) -> tuple:
     """Check claim P9 of the paper: which undamped phase portraits are unsteady or lose contact.
 
-    Return whether it holds, the result as text, and the text of `_strict_difference`, which names
-    orbits whose repetition to 1e-6 of their height contradicts the plot.
+    A motion is unsteady if its mesh periods differ by more than the width of a plotted line. Return
+    whether the claim holds; the tunings (dimensionless mesh frequencies) of unsteady motions,
+    contact loss and coast-side contact as a string; and a string that names orbits for which
+    repetition to 1e-6 of their height contradicts the plot.
     """
     name = data.damping_names(material=False, backlash=False)[0]
     planes = data.planes(name, _PLANE_TUNINGS)
@@ -374,10 +413,13 @@ def undamped_phase_planes(data: Data) -> tuple:
 def damped_phase_planes(data: Data) -> tuple:
     """Check claim P10 of the paper: which phase portraits with damping are unsteady.
 
-    According to the paper, only motions with backlash damping alone are unsteady, at three tunings.
-    Return whether this holds, the result as text, and the text of `_strict_difference`, which names
-    orbits whose repetition to 1e-6 of their height contradicts the plot.
+    Only motions with backlash damping (free flight) alone may be unsteady, at three tunings
+    (dimensionless mesh frequencies). A motion is unsteady if its mesh periods differ by more than
+    the width of a plotted line. Return whether the claim holds; the unsteady motions as a string;
+    and a string that names orbits for which repetition to 1e-6 of their height contradicts the
+    plot.
     """
+    # Damping combination -> tunings of unsteady motions. Combinations with no damping are left out.
     expected = {name: [] for name, flags in data.dampings.items() if any(flags)}
     for name in data.damping_names(material=False, backlash=True):
         expected[name] = [0.60, 0.66, 0.78]
@@ -399,9 +441,10 @@ def damped_phase_planes(data: Data) -> tuple:
 
 
 def _spreads(planes: xr.Dataset) -> np.ndarray:
-    """Return the spread of mesh periods, relative to the orbit height, at each tuning.
+    """Return how far mesh periods differ, relative to the orbit height, at each tuning.
 
-    The spread is the largest distance between the curves of recorded mesh periods.
+    `planes` are phase portraits over tuning, the dimensionless mesh frequency. The difference is
+    the largest distance between the curves of the recorded mesh periods.
     """
     return np.array([period_spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
 
@@ -409,14 +452,16 @@ def _spreads(planes: xr.Dataset) -> np.ndarray:
 def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> str:
     """Describe orbits that look steady in a plot but do not repeat to 1e-6, or the reverse.
 
-    `planes_by_damping` maps the name of a damping to its phase portraits and a mask of the
-    portraits that look unsteady. The text is empty if there are no such orbits.
+    `planes_by_damping` maps the name of a damping combination to its phase portraits over tuning,
+    and a mask of the portraits that look unsteady. Return a string, which is empty without such
+    orbits.
     """
     differences = []
     for name, (planes, unsteady) in planes_by_damping.items():
         for i in range(unsteady.size):
             plane = planes.isel(tuning=i)
             period = repetition_period(plane)
+            # A period of 0 means that the orbit never repeats.
             if unsteady[i] == (period == 0):
                 continue
             text = f"repeats after {period} periods"
@@ -428,7 +473,11 @@ def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray
 
 
 def repetition_period(run: xr.Dataset) -> int:
-    """Return the mesh periods after which an orbit repeats to 1e-6 of its height, 0 if never."""
+    """Return the number of mesh periods after which an orbit repeats, or 0 if it never does.
+
+    `run` is a result of `gearlib.simulate`. The orbit repeats if no displacement changes by more
+    than 1e-6 of the orbit height.
+    """
     for period, change in enumerate(_changes_by_period(run), 1):
         if change <= 1e-6:
             return period
@@ -436,9 +485,10 @@ def repetition_period(run: xr.Dataset) -> int:
 
 
 def _changes_by_period(run: xr.Dataset) -> list[float]:
-    """Return the largest relative change of displacement after 1, 2, ... mesh periods.
+    """Return the largest changes of the displacement after 1, 2, ... mesh periods.
 
-    Changes are relative to the height of the orbit; the last one is after half of the record.
+    Changes are relative to the height of the orbit. The last one is that after half of the record.
+    `run` is a result of `gearlib.simulate`, sampled at equal steps of the mesh phase.
     """
     displacement = run.displacement.values
     samples_per_period = round(2.0 * np.pi / float(run.phase[1] - run.phase[0]))
@@ -460,7 +510,9 @@ def tunings_text(tunings: Sequence[float]) -> str:
 def two_tunings(data: Data) -> tuple[bool, str]:
     """Check claim P11 of the paper: two neighbouring tunings give small and large bounces.
 
-    Return whether it holds for the computed data, and the computed numbers as text.
+    The tuning is mesh frequency over natural frequency. The depth of a bounce is the displacement
+    below zero, where contact is lost. Return whether the claim holds, and the smallest
+    displacements and the tuning of the jump between both orbits as a string.
     """
     scene = data.scene("fig6").sortby("tuning")
     tuning, depth = scene.tuning.values, -scene.displacement_min.values
@@ -475,15 +527,18 @@ def two_tunings(data: Data) -> tuple[bool, str]:
 
 
 def jump_description(data: Data) -> str:
-    """Describe where the motion from rest jumps, and which variations move the jump.
+    """Describe where the motion from rest jumps to another orbit, and what moves this jump.
 
-    Only variations are named that move it between the two tunings of the paper's Fig. 6.
+    Of the variations of model and initial state, only those are named that move the jump between
+    the two tunings (dimensionless mesh frequencies) of the paper's Fig. 6. Return the end of a
+    sentence.
     """
     jumps = data.jump
     reference_tuning = float(jumps.jump[0])  # the first entry is the run without variations
     if not np.isfinite(reference_tuning):
         return "; the motion from rest does not jump in the scan"
     lower, upper = FIG6_TUNINGS
+    # Each variation shifts the jump by an amount between shift_low and shift_high.
     lowest = reference_tuning + jumps.shift_low.values
     highest = reference_tuning + jumps.shift_high.values
     between = (lowest >= lower) & (highest <= upper)
@@ -497,10 +552,11 @@ def jump_description(data: Data) -> str:
 
 @_statement("P12", "time in mesh at C_min at nu = 0.82: t(k1,k1m) > t(k1,0) > t(0,k1m)", "Fig. 7")
 def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
-    """Check claim P12 of the paper: the order of three dampings by time at the lower stiffness.
+    """Check claim P12 of the paper: the time at the lower stiffness depends on the damping.
 
-    The cases of the scene are material damping (k1), backlash damping (k1m), and both. Return
-    whether it holds for the computed data, and the computed numbers as text.
+    It must be longest with both kinds of damping, then with material damping (k1, in contact), then
+    with backlash damping (k1m, in free flight). The cases of the scene have k1, k1m, and both.
+    Return whether the claim holds, and the fractions of time as a string.
     """
     material, backlash, both = data.scene("fig7", cases=3).fraction_min_stiffness.values
     text = f"fractions of time: k1,k1m {both:.4f}, k1 {material:.4f}, k1m {backlash:.4f}"
@@ -513,10 +569,11 @@ def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
 def six_degrees(data: Data) -> tuple:
     """Check claim P13 of the paper: with six degrees of freedom, undamped motion bounces.
 
-    The motion must also be unsteady. losing_share is the fraction of initial states from which
-    contact is lost: of random states if the run depends on rounding errors (free_of_rounding is 0),
-    else of the state at rest. Return whether the statement holds, the result as text, and a note,
-    "" unless the motion repeats to 1e-6 of its height although it looks unsteady in a plot.
+    The motion must also be unsteady: mesh periods differ by more than a line width. losing_share is
+    the fraction of initial states from which contact is lost: of random states if rounding errors
+    decide the run (free_of_rounding is 0), else of the state at rest. Return whether the claim
+    holds; the result as a string; and a note, "" unless the motion repeats to 1e-6 of its height
+    although it looks unsteady.
     """
     run = data.scene("fig8", cases=1).isel(case=0)
     distance, bounces, period = period_spread(run), float(run.bounces), repetition_period(run)
@@ -555,11 +612,12 @@ class Claim:
 def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> list[Claim]:
     """Check the 13 statements P1 to P13 of the paper against the data of a configuration.
 
-    `pair` is the `GearPair`, whose damping is not used; `dampings` maps names to material_damping
-    and backlash_damping (N s/m). The others are datasets: `resonance` has sweeps and `phase_planes`
-    time histories for each damping, `phase_lag` has the lag of displacement behind stiffness,
-    `jump` the tuning at which the motion from rest jumps to another orbit. `scenes` maps names that
-    begin with a figure of the paper, such as "fig4_contact_ratio", to datasets of simulated cases.
+    `pair` is the `GearPair`, whose damping is not used; `dampings` maps names of damping
+    combinations to material_damping and backlash_damping (N s/m). The others are datasets:
+    `resonance` has sweeps and `phase_planes` time histories for each combination, `phase_lag` has
+    the lag of the displacement behind the stiffness, `jump` the tuning (dimensionless mesh
+    frequency) at which the motion from rest jumps to another orbit. `scenes` maps names that begin
+    with a figure of the paper, such as "fig4_contact_ratio", to datasets of simulated cases.
     """
     resonance = resonance.sortby("tuning")
     data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
@@ -570,8 +628,9 @@ def evaluate_check(check: tuple, data: Data) -> Claim:
     """Apply the rule of a statement to the data of a configuration; return a `Claim`.
 
     `check` is an entry of `CHECKS`: id, statement, place in the paper, figure of the workflow, and
-    rule. The rule is called with `data`. It returns whether the statement holds at the resolution
-    of the plots, the computed result as text, and optionally the result by a strict criterion.
+    rule, a function of `data`. The rule returns whether the statement holds at the resolution of
+    the paper's plots, the computed result as a string, and optionally the result by a strict
+    criterion. If it raises NoData, the verdict is "not evaluated".
     """
     identifier, statement, place, figure, rule = check
     try:
@@ -585,13 +644,16 @@ def evaluate_check(check: tuple, data: Data) -> Claim:
 
 
 def rows(claims: Sequence[Claim]) -> Iterator[tuple | list]:
-    """Yield the rows of the table of claims: the names of the columns, then a row per claim."""
+    """Yield the rows of the table of claims: the names of the columns, then one row per claim."""
     yield [field.name for field in fields(Claim)]
     yield from map(astuple, claims)
 
 
 def write_markdown(claims: Sequence[Claim], path: Path) -> None:
-    """Write the claims as a Markdown table, replacing the file in one step."""
+    """Write the claims as a table in a Markdown file.
+
+    A temporary file replaces `path` in one step, so that a reader never finds half a file.
+    """
     lines = ["# Statements of the paper against computed data", ""]
     lines += ["| id | the paper | computed | verdict | figure |", "|---|---|---|---|---|"]
     for claim in claims:

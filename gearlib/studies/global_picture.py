@@ -28,9 +28,10 @@ _FILL_VALUES = {
 
 
 def _joined_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> xr.Dataset:
-    """Join the datasets of several cases along ``case``, with the attributes of the first one.
+    """Join the datasets of several cases along the dimension "case", labelled by their titles.
 
-    Each case has a title; `options` are further arguments of `xarray.concat`.
+    A case is a dict with the key title. The result has the attributes of the first dataset.
+    `options` are further arguments of `xarray.concat`.
     """
     titles = xr.IndexVariable("case", [case["title"] for case in cases])
     data = xr.concat(datasets, titles, data_vars="all", combine_attrs="drop", **options)
@@ -38,11 +39,12 @@ def _joined_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> 
 
 
 def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = None) -> xr.Dataset:
-    """Compute the basins of attraction of several cases, along the dimension ``case``.
+    """Compute basins of attraction of several cases, along the dimension ``case``.
 
-    A case has title, tuning and pair. `settings` have the ranges displacement and velocity, each
-    (lowest, highest), count, the number of initial states along each of them, and periods, the mesh
-    periods of a run.
+    A basin is the set of initial states that lead to one attractor. A case has the keys title,
+    tuning (mesh frequency over natural frequency) and pair (a `GearPair`). `settings` has the keys
+    displacement and velocity, ranges (lowest, highest) of the initial states; count, the number of
+    initial states along each range; and periods, the number of mesh periods of a run.
     """
     grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
     options = {"periods": settings["periods"], "threads": threads}
@@ -57,14 +59,14 @@ def bifurcation(
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """Compute a bifurcation diagram with Lyapunov exponents, and the basin stability.
 
-    The diagram is over `tunings`, the basin stability over the fewer tunings `coarse`. Keys of
-    `settings` are settle (mesh periods before the record), strobes (number of recorded states, one
-    per mesh period), exponent_periods (mesh periods of the runs for the Lyapunov exponent), starts
-    (number of random initial states), displacement and velocity (their ranges), samples (number of
-    initial states for the basin stability) and periods (mesh periods of their runs). In the
-    directions "up" and "down" each run starts at the end of the previous one; in a direction
-    "cold n" all runs start at the n-th random state. ``settled`` is 1 for periodic motions whose
-    orbit does not depend on rounding.
+    The diagram is over `tunings` (mesh frequency over natural frequency), the basin stability over
+    the fewer tunings `coarse`. `settings` has the keys settle (mesh periods before the record),
+    strobes (number of recorded states, one per mesh period), exponent_periods (mesh periods of the
+    runs for the exponent), starts (number of random initial states), displacement and velocity
+    (their ranges), samples (number of initial states for the basin stability) and periods (mesh
+    periods of their runs). In the directions "up" and "down" each run starts at the end of the
+    previous one; in "cold n" all runs start from the n-th random state. ``settled`` is 1 for
+    periodic motions whose orbit does not depend on rounding. Return both datasets.
     """
     region = settings["displacement"], settings["velocity"]
     names = [*WARM_STARTED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
@@ -94,9 +96,9 @@ def bifurcation(
 
 
 def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:
-    """Return seeded random states, (count, 2), in a region.
+    """Return random initial states with a fixed seed, shape (count, 2).
 
-    The region has the ranges (lowest, highest) of displacement and velocity.
+    `region` has the ranges (lowest, highest) of displacement and velocity.
     """
     lowest, highest = np.array(region).T
     return lowest + np.random.default_rng(0).random((count, 2)) * (highest - lowest)
@@ -105,10 +107,12 @@ def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:
 def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
     """Compute Poincare sections of motions from random initial states, along ``case``.
 
-    A case has title, tuning, phase (degrees), settle (mesh periods before the record) and pair.
-    `settings` have the ranges displacement and velocity, orbits (number of initial states) and
-    periods (mesh periods of the record). A motion is chaotic if rounding errors change it
-    completely and perturbations grow exponentially; it is undecided if only one of these is true.
+    A Poincare section has one state per mesh period, at a fixed phase. A case has the keys title,
+    tuning (mesh frequency over natural frequency), phase (degrees), settle (mesh periods before the
+    record) and pair (a `GearPair`). `settings` has displacement and velocity, ranges of the initial
+    states, orbits (number of these states) and periods (mesh periods of the record). A motion is
+    chaotic if rounding errors change it completely and perturbations grow exponentially; it is
+    undecided if only one of these is true.
     """
     periods = settings["periods"]
     region = settings["displacement"], settings["velocity"]

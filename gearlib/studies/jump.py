@@ -43,10 +43,11 @@ def find_jump(
 ) -> Jump:
     """Find the largest jump of the peak-to-peak displacement in a scan of increasing tunings.
 
-    `resolution` is the width to which the interval of the jump is bisected, `run` has arguments of
-    `gearlib.sweep`. In the direction "cold" all runs have the same start, and tunings at which
-    rounding errors decide the motion are excluded. In the directions "up" and "down" bisection
-    starts from the last state on the side from which the sweep comes.
+    The tuning is mesh frequency over natural frequency. `resolution` is the width to which the
+    interval of the jump is bisected, `run` has arguments of `gearlib.sweep`. In the direction
+    "cold" all runs have the same initial state, and tunings at which rounding errors decide the
+    motion are excluded. In the directions "up" and "down" bisection starts from the last state on
+    the side from which the sweep comes.
     """
     tunings = np.asarray(tunings, float)
     start = run.get("initial_state", (0.0, 0.0))
@@ -65,7 +66,7 @@ def find_jump(
         is_uncertain = depends_on_rounding(tunings[i : i + 2])
         if not is_uncertain.any():
             break
-        heights[i : i + 2][is_uncertain] = np.nan
+        heights[i : i + 2][is_uncertain] = np.nan  # excluded, since steps at NaN are 0
         steps, is_large = height_steps(heights)
     i = int(np.argmax(steps))
     lower, upper = tunings[i : i + 2]
@@ -86,6 +87,7 @@ def find_jump(
         is_before_jump = is_below if direction == "up" else not is_below
         if direction != "cold" and is_before_jump:
             start = tuple(point.final_state.values[0])
+    # Equal heights on both sides, or NaN, mean that the curve is continuous.
     if not abs(above - below) > SAME_HEIGHT:
         return Jump(np.nan, np.nan, np.nan, large_steps=0, interval=upper - lower)
     # Close to the jump runs settle slowly, so the heights of the scan are returned.
@@ -101,18 +103,20 @@ def orbit_heights(curve: xr.Dataset) -> np.ndarray:
 def height_steps(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the steps between neighbouring orbit heights, and a mask of the large steps.
 
-    A large step is at least half the largest step, and at least `SAME_HEIGHT`. Steps from or to NaN
-    are 0.
+    `heights`, shape (n,), are peak-to-peak displacements in static deflections. A large step is at
+    least half the largest one, and at least `SAME_HEIGHT`, below which heights count as equal.
+    Steps from or to NaN are 0.
     """
     steps = np.nan_to_num(np.abs(np.diff(heights)), nan=0.0)
     return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
 
 
 def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any, dict]]:
-    """Yield kind, value, model and further arguments of `sweep` for each variation of a run.
+    """Yield variations of a run: each with its kind, its value, a model, and arguments of `sweep`.
 
-    `settings` have the values of the variations: harmonics (numbers of stiffness harmonics),
-    factors (of damping and backlash), displacements and velocities (of the initial state).
+    `settings` has lists of values: harmonics (numbers of harmonics of a truncated stiffness),
+    factors (on damping and on backlash), displacements and velocities (of the initial state, in
+    static deflections; velocities are dx/dtau, with tau the mesh phase).
     """
     for count in settings["harmonics"]:
         yield "harmonics", count, OneDegreePair(pair=pair, profile=Fourier(count)), {}
@@ -131,13 +135,14 @@ def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any
 def jump_and_shifts(
     pair: GearPair, tunings: Sequence[float], settings: dict, run: dict
 ) -> xr.Dataset:
-    """Compute the jump of the motion from rest over tuning, and its shift by each variation.
+    """Compute the tuning at which the motion from rest jumps, and how variations shift this jump.
 
-    `run` has arguments of `sweep`. `settings` have the keys of `variations`, tolerances (of
-    Runge-Kutta steps 4(5)), resolution (of the jump), and starts, seed and spread of the initial
-    states for each tolerance. In the dataset, height is the orbit height, switches the number of
-    large height steps in the scan, and settled is 0 where the jump depends on the initial state, so
-    that median and range over several states are given. Values are NaN without a jump in the scan.
+    The tuning is mesh frequency over natural frequency. `run` has arguments of `sweep`. `settings`
+    has the keys of `variations`, tolerances (of Runge-Kutta steps 4(5)), resolution (of the jump),
+    and starts, seed and spread of the random initial states for each tolerance. In the dataset,
+    height is the peak-to-peak displacement, switches the number of large height steps in the scan,
+    and settled is 0 where the jump depends on the initial state, so that median and range over
+    several states are given. Values are NaN without a jump in the scan.
     """
     tunings = np.asarray(tunings, float)
     resolution = settings["resolution"]
@@ -152,9 +157,10 @@ def jump_and_shifts(
         shifts_by_variation += _tolerance_shifts(pair, tunings, settings, run)
 
     def summary(variation: tuple) -> dict:
-        """Return the variables for a variation (kind, value, shifts in tuning, large step count).
+        """Return the variables of a variation (kind, value, shifts in tuning, large step count).
 
-        Only "tolerance" has shifts from several initial states; the other kinds are settled.
+        Only variations of the kind "tolerance" have shifts from several initial states, of which
+        median and range are taken; the other kinds have one shift and count as settled.
         """
         kind, value, shifts, large_step_count = variation
         finite = [shift for shift in shifts if np.isfinite(shift)] or [np.nan]
@@ -180,19 +186,19 @@ def jump_and_shifts(
 
 
 def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: dict) -> list:
-    """Compute how each tolerance of a step method shifts the jump from several initial states.
+    """Compute how each tolerance of a Runge-Kutta method shifts the jump in tuning.
 
-    Return (kind, tolerance, shifts, large step count) for each tolerance. A shift in tuning is
-    relative to the exact jump from the same initial state; the count is the median number of large
-    height steps. `settings` have tolerances, resolution of the jump, and starts, seed and spread of
-    the states; `run` has arguments of `sweep`.
+    A shift is relative to the exact jump from the same initial state, of which there are several.
+    Return (kind, tolerance, shifts, large step count) for each tolerance; the count is the median
+    number of large steps of the orbit height over tuning. `settings` has tolerances, resolution (of
+    the jump), and starts (number), seed and spread of the states; `run` has arguments of `sweep`.
     """
     resolution = settings["resolution"]
     rest = run.get("initial_state", (0.0, 0.0))
     states = [*map(tuple, many_starts.seeded_states(pair, rest, settings))]
     runs = [run | {"initial_state": state} for state in states]
     exact_tunings = [find_jump(pair, tunings, resolution, **exact).tuning for exact in runs]
-    # The half step is a margin for rounding errors.
+    # The jump is searched only near the exact one; the half step is a margin for rounding errors.
     max_distance = (_SEARCH_STEPS + 0.5) * float(tunings[1] - tunings[0])
     variations = []
     for rtol in settings["tolerances"]:

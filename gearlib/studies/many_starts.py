@@ -39,10 +39,11 @@ _MAX_FAILED_SEARCHES = 3
 
 
 def seeded_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndarray:
-    """Return copies of a state with random displacements, shape (starts, size of the state).
+    """Return copies of an initial state with random displacements, shape (starts, components).
 
-    `state` may be the name of an initial state, "static" or "rest". `settings` have the keys starts
-    (number of copies), seed, and spread, the largest displacement in static deflections.
+    `state` is an array of coordinates and their velocities, or the name "static" or "rest".
+    `settings` has the keys starts (number of copies), seed (of the random numbers), and spread, the
+    largest random displacement in static deflections.
     """
     if isinstance(state, str):
         state = model.start_state(state)
@@ -57,15 +58,19 @@ def seeded_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndar
 
 
 def neighbouring_state(state: np.ndarray) -> np.ndarray:
-    """Return a copy of a state that is changed by more than rounding, less than can be measured."""
+    """Return a copy of a state with a change that is tiny, but larger than rounding errors.
+
+    If the motion from it ends elsewhere, the result cannot be reproduced by a measurement.
+    """
+    # The cosines are a fixed pattern without symmetry, so that all modes are disturbed.
     return state + _TINY_DISPLACEMENT * np.cos(1.0 + np.arange(len(state)) ** 2.0)
 
 
 def ranges_over_starts(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, xr.DataArray]:
-    """Return the median of each variable over the starts, and its range.
+    """Return the median and the range of each variable over the initial states.
 
-    `names` are variables with the dimension "start". The median of a variable keeps its name, its
-    smallest and largest values are called <name>_low and <name>_high.
+    `names` are variables of `dataset` with the dimension "start". The median of a variable keeps
+    its name; its smallest and largest values are called <name>_low and <name>_high.
     """
     ranges = {}
     with warnings.catch_warnings():
@@ -105,7 +110,12 @@ class _OrbitSearch:
     """Search for the stable orbits of a model at one tuning on which motions end."""
 
     def __init__(self, model: Any, tuning: float, settings: dict) -> None:
-        """Take `settings` with periods, record_periods and spread of the runs."""
+        """Take a model, a tuning (mesh frequency over natural frequency), and settings of the runs.
+
+        `settings` has the keys periods and record_periods (numbers of computed and of evaluated
+        mesh periods), and spread, the largest random displacement of an initial state in static
+        deflections.
+        """
         self.model, self.tuning = model, tuning
         self.propagator = model.propagator(tuning)
         self.record_periods = settings["record_periods"]
@@ -125,15 +135,24 @@ class _OrbitSearch:
             self.without_rotation = np.eye(model.size)
 
     def run(self, state: np.ndarray, periods: int, record_periods: int) -> Any:
-        """Run the model from a state over mesh periods; record the last `record_periods`."""
+        """Run the model from a state over a number of mesh periods.
+
+        The last `record_periods` of them are evaluated in the summary of the result.
+        """
         span = Span(periods, record_periods, MAX_EVENTS)
         return self.propagator.run(state, span, keep_events=False)
 
     def final_motion(self, start: np.ndarray) -> FinalMotion:
-        """Return the motion on which the run from a start, a state, ends."""
+        """Return the motion on which the run from the initial state `start` ends.
+
+        The run has two halves, each of which ends with a state. If it approaches a known orbit,
+        this orbit is returned. If it seems to repeat, an orbit is searched near its end. In all
+        other cases the last mesh periods of the run itself are returned, with the orbit index -1.
+        """
         middle = end = self.run(np.array(start, float), self.half_periods, 1)
         if middle.status == status.OK:
             end = self.run(middle.state, self.half_periods, self.record_periods)
+        # A run that stopped early, in either half, has no motion.
         if end.status != status.OK:
             missing = np.full_like(end.summary, np.nan)
             return FinalMotion(missing, -1, 0, np.full(len(start), np.nan), end.status)
@@ -148,13 +167,18 @@ class _OrbitSearch:
         return FinalMotion(orbit.summary, index, orbit.period, orbit.states[0], end.status)
 
     def distance(self, state: np.ndarray, other: np.ndarray) -> float:
-        """Return the largest difference between two states, without rigid-body rotation."""
+        """Return the largest difference between two states, without rigid-body rotation.
+
+        A rigid-body rotation deforms no mesh, so it may differ between states of the same orbit.
+        """
         return np.abs(self.without_rotation @ (state - other)).max()
 
     def index_of_approached_orbit(self, middle: np.ndarray, end: np.ndarray) -> int:
-        """Return the index of the orbit that a motion approaches, -1 if there is none.
+        """Return the index of the known orbit that a motion approaches, or -1 if there is none.
 
-        `middle` and `end` are the states after the first and the second half of the run.
+        `middle` and `end` are the states after the first and the second half of the run. The motion
+        must end near the orbit (`_CAPTURE_DISTANCE`), and come closer or be as near as initial
+        states are to each other.
         """
         for index, orbit in enumerate(self.orbits):
             end_distance = min(self.distance(end, state) for state in orbit.states)
@@ -165,11 +189,13 @@ class _OrbitSearch:
         return -1
 
     def add_orbit(self, middle: np.ndarray, end: Any) -> int:
-        """Find and store the stable orbit on which a run ends; return its index, -1 if none.
+        """Find and store the stable orbit on which a run ends; return its index, or -1.
 
-        `middle` is the state after the first half of the run, `end` is the run of the second half.
+        `middle` is the state after the first half of the run, `end` is the result of the second
+        half. Newton's method starts from the last state. The orbit is dropped again if the run does
+        not approach it.
         """
-        common_period = self.model.repeats
+        common_period = self.model.repeats  # mesh periods after which all mesh phases repeat
         is_periodic = end.period and end.period % common_period == 0
         periods = [end.period] if is_periodic else [common_period, 2 * common_period]
         for period in periods:
@@ -184,6 +210,7 @@ class _OrbitSearch:
                 is_stable, state = bool(is_periodic), end.state
             if not is_stable:
                 continue
+            # The orbit has one state at the start of each common period that it contains.
             states = [state]
             while len(states) < period // common_period:
                 states.append(self.run(states[-1], common_period, 1).state)
@@ -196,11 +223,13 @@ class _OrbitSearch:
 
 
 def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict) -> FinalMotion:
-    """Return the motions on which runs from several initial states, shape (starts, size), end.
+    """Return the motions on which the runs from several initial states end.
 
-    `settings` have periods and record_periods of the runs, spread (largest random displacement) of
-    the states, and first_starts: if the runs from this number of states end on one orbit, the
-    others count as ending there, too. Orbits have indices in the order of discovery, -1 if none.
+    `states` has the shape (starts, components); `tuning` is mesh frequency over natural frequency.
+    `settings` has the keys periods and record_periods (numbers of computed and of evaluated mesh
+    periods), spread (largest random displacement of the states), and first_starts: if the runs from
+    this number of states end on one orbit, the others are not run and count as ending there, too.
+    Orbits are numbered in the order of discovery; -1 means no orbit.
     """
     search = _OrbitSearch(model, tuning, settings)
     first_starts = settings["first_starts"]
@@ -218,14 +247,17 @@ def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict)
 
 
 def motions_from_equilibrium(model, tunings: Sequence[float], settings: dict) -> list[FinalMotion]:
-    """Return the final motions from random starts around static equilibrium, for each tuning.
+    """Return the final motions from random states around static equilibrium, for each tuning.
 
-    `settings` have the keys of `SETTINGS`: number, seed and spread of the starts, and mesh periods.
+    The tuning is mesh frequency over natural frequency. `settings` has the keys starts (number of
+    random states), first_starts (if these end on one orbit, the others are not run), seed, spread
+    (largest random displacement), periods and record_periods (numbers of computed and of evaluated
+    mesh periods).
     """
     states = seeded_states(model, "static", settings)
 
     def motions_at(tuning: float) -> FinalMotion:
-        """Return the final motions from all starts at a tuning."""
+        """Return the final motions from all initial states at a tuning."""
         return final_motions(model, float(tuning), states, settings)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -233,12 +265,15 @@ def motions_from_equilibrium(model, tunings: Sequence[float], settings: dict) ->
 
 
 def warm_started_motions(model, tunings, settings: dict, direction: str) -> list[FinalMotion]:
-    """Return the final motion of a single start in a sweep "up" or "down", for each tuning.
+    """Return the final motion at each tuning of a sweep "up" or "down" from a single state.
 
-    Each run starts close to the end of the previous run, or close to static equilibrium if that run
-    has not settled. `settings` have the keys of `SETTINGS`.
+    The tuning is mesh frequency over natural frequency. Each run starts close to the end of the
+    previous run, or close to static equilibrium if that run has not settled on an orbit. `settings`
+    has the keys of `SETTINGS`: periods, record_periods, starts (not used), first_starts, seed and
+    spread.
     """
     start = seeded_states(model, "static", settings | {"starts": 1})
+    # The same small random displacement is added to the start of each run.
     displacement = start - model.start_state("static")
     indices = np.argsort(tunings)
     if direction == "down":
@@ -256,10 +291,11 @@ def summarise(
 ) -> xr.Dataset:
     """Return variables of motions over start, tuning and mesh, and their distribution over orbits.
 
-    `motions` has a `FinalMotion` of all starts for each tuning, `names` are variables of
-    `gearlib.sweep`, `settings` have record_periods (mesh periods). In the dataset, settled_share is
-    the fraction of starts that end on stable orbits, motion_count the number of these orbits, and
-    largest_share the fraction of starts that end on the most frequent one.
+    `motions` has one `FinalMotion` of all initial states ("starts") per tuning, the dimensionless
+    mesh frequency; `names` are variables of `gearlib.sweep`; `settings` has the key record_periods
+    (evaluated mesh periods). In the dataset, settled_share is the fraction of starts that end on
+    stable orbits, motion_count the number of these orbits, and largest_share the fraction of starts
+    that end on the most frequent one.
     """
     # Arrays (starts, tunings, ...).
     summaries = np.stack([motion.summary for motion in motions], axis=1)
@@ -295,13 +331,14 @@ def summarise(
 def sweep_with_seeded_starts(
     model: Any, tunings: Sequence[float], settings: dict, names: Sequence[str]
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
-    """Compute a sweep with medians, ranges and fractions over starts, and the data of each start.
+    """Compute a sweep with medians, ranges and fractions over random initial states.
 
-    The sweep has the dimensions direction, tuning and mesh; the data are results of `summarise`,
-    one for each direction. In the direction "cold" the starts are random states around static
-    equilibrium. The directions "up" and "down" have a single start, the end of the previous motion,
-    and NaN where the motion does not settle. `names` are variables of `gearlib.sweep`, `settings`
-    have the keys of `SETTINGS`.
+    `tunings` are mesh frequencies over the natural frequency; `names` are variables of
+    `gearlib.sweep`. In the direction "cold" the initial states are random states around static
+    equilibrium. The directions "up" and "down" have a single one, the end of the previous motion,
+    and NaN where the motion does not settle. `settings` has the keys of `SETTINGS`: number, seed
+    and spread of the states, and numbers of mesh periods. Return the sweep over direction, tuning
+    and mesh, and the data of every initial state, one result of `summarise` per direction.
     """
     motions_by_direction = []
     directions = []
