@@ -28,7 +28,8 @@ _MIN_SERIES_COMPONENTS, _MODE_COST = 60, 0.015
 def mode_cost_in_steps(n: int, fewest: int = _MIN_SERIES_COMPONENTS) -> int:
     """Return the number of Taylor steps that cost as much as the modes of n state components.
 
-    It is 0 with less than `fewest` components, for which the series is not tried.
+    With less than `fewest` components the result is 0: Taylor series are then not tried before
+    modes.
     """
     return int(_MODE_COST * n * n) if n >= fewest else 0
 
@@ -39,10 +40,11 @@ def combination_count(system) -> int:
 
 
 def nonzero_fields(system, with_series=False):
-    """Return the fields of `RunConstants` with the nonzero entries of a `TrainSystem`.
+    """Return the fields of `RunConstants` that list the nonzero entries of a `TrainSystem`.
 
-    The result maps names of fields to arrays. The arrays are empty if the system is so small that
-    it needs no Taylor series, unless `with_series`.
+    The result maps field names to arrays: columns and values of the nonzero entries in each row of
+    the base matrix, and the state components on which the forces of each mesh depend or act. Only
+    Taylor series need them; in a system of few components they are empty, unless `with_series`.
     """
     names = ["nonzero_columns", "nonzero_counts", "mesh_components", "mesh_component_counts"]
     names.append("nonzero_values")
@@ -60,21 +62,23 @@ def nonzero_fields(system, with_series=False):
 
 
 def _true_columns(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (columns of the true entries of each row, their number in each row) of a mask.
+    """Return (columns of the true entries, their number) for each row of a mask.
 
-    All rows of the first array have the length of the largest number; rows with fewer true entries
-    are padded with other columns.
+    All rows of the first array have the length of the largest number. A row with fewer true entries
+    ends with columns of false entries.
     """
     counts = mask.sum(axis=1)
+    # Sorted by the inverted mask, the columns of true entries come first.
     return np.argsort(~mask, axis=1, kind="stable")[:, : counts.max()].copy(), counts
 
 
 @kernel_without_refcounts
 def _fill_scaled_image(system, constants, effects, z, factor, image):
-    """Fill `image`, shape (n,), with factor * A @ z for the matrix A of a `TrainSystem`.
+    """Fill `image`, shape (n,), with factor * A @ z, for the matrix A of the equation z' = A z.
 
-    `effects`, int, (m,), has the contact effect of each mesh; `constants` (`RunConstants`) lists
-    the nonzero entries of A.
+    A is the base matrix of the `TrainSystem` `system` plus the forces of all meshes. `effects`,
+    int, (m,), has a number for the contact and stiffness level of each mesh, 0 without contact.
+    Only nonzero entries are multiplied, which `constants` (`RunConstants`) list.
     """
     for r in range(constants.nonzero_counts.shape[0]):
         total = 0.0
@@ -102,10 +106,12 @@ def _fill_chirp_rates(constants, k, time_unit, terms):
 
     After displacements and velocities the state holds the speed nu and, for each harmonic of
     frequency w, cosine c, sine s and their derivatives. From c' = -w nu s and s' = w nu c follow
-    c'' = -w (nu' s + nu s') and s'' = w (nu' c + nu c'). `time_unit` is the time unit of the series
-    `terms`, shape (degree + 1, n), and `constants` (`RunConstants`) holds the frequencies.
+    c'' = -w (nu' s + nu s') and s'' = w (nu' c + nu c'), with a constant nu'. `terms`, shape
+    (degree + 1, n), is the Taylor series in units of `time_unit`, and `constants` (`RunConstants`)
+    hold the frequencies.
     """
     speed = constants.speed_component
+    # The speed is linear in time, so that products with it have two terms.
     speed_start, speed_change = terms[0, speed], terms[1, speed]
     for j in range(constants.chirp_frequencies.shape[0]):
         i, factor = speed + 1 + 4 * j, constants.chirp_frequencies[j] / (k + 1)
@@ -120,11 +126,12 @@ def _fill_chirp_rates(constants, k, time_unit, terms):
 
 @kernel_without_refcounts
 def fill_taylor_series(system, constants, effects, z, terms):
-    """Fill `terms`, shape (degree + 1, n padded), with the Taylor series of the state z.
+    """Fill `terms`, shape (degree + 1, n padded), with the Taylor series of the state z in time.
 
-    Returns the time unit of the series in theta, up to which it is exact to within rounding. The
-    equation of motion is z' = A z, where the matrix A of the `TrainSystem` belongs to the contact
-    `effects`, int, (m,), of the meshes; `constants` (`RunConstants`) lists its nonzero entries.
+    Returns the time unit of the series, up to which it is exact to within rounding; `terms` are
+    scaled by its powers. The equation of motion is z' = A z. `effects`, int, (m,), has a number for
+    the contact and stiffness level of each mesh in the `TrainSystem` `system`, from which A
+    follows; `constants` (`RunConstants`) list its nonzero entries.
     """
     degree, n = terms.shape[0] - 1, constants.nonzero_counts.shape[0]
     time_unit = _MAX_UNIT_NORM / matrices.MAX_NORM * system.max_step
@@ -138,7 +145,8 @@ def fill_taylor_series(system, constants, effects, z, terms):
             _fill_chirp_rates(constants, k, time_unit, terms)
     for r in range(n):
         last_term = max(last_term, abs(terms[degree, r]))
-    # The last term bounds the terms that follow; it is zero for a state at rest.
+    # The last term bounds the neglected terms. If it is too large, a shorter time unit makes it
+    # small enough; it is zero for a state at rest.
     unit_fraction = 1.0
     if _LAST_TERM * largest < last_term < math.inf:
         unit_fraction = (_LAST_TERM * largest / last_term) ** (1.0 / degree)
@@ -152,11 +160,12 @@ def fill_taylor_series(system, constants, effects, z, terms):
 
 @kernel_without_refcounts
 def fill_distance_series(system, constants, terms, curves):
-    """Fill `curves`, (2, m, degree + 2), with the Taylor series of all distances from flank lines.
+    """Fill `curves`, (2, m, degree + 2), with the Taylor series of the distances from flank lines.
 
-    The first index is 0 for the coast side and 1 for the drive side. The last column is the sum of
-    the magnitudes of the terms of a distance at the start, which scales the rounding error. `terms`
-    comes from `fill_taylor_series`.
+    A flank line is the displacement at which the flanks of a mesh touch; the first index is 0 for
+    the coast and 1 for the drive side, the second is the mesh. The last column, the sum of the
+    magnitudes of the terms of a distance at the start, scales its rounding error. `terms`, (degree
+    + 1, n), is the Taylor series of the state.
     """
     for j in range(constants.mesh_component_counts.shape[0]):
         for side in range(2):
@@ -178,7 +187,7 @@ def fill_distance_series(system, constants, terms, curves):
 def sum_series(terms, n, fraction, state):
     """Fill `state` with the sum of a Taylor series of n components at a fraction of its time unit.
 
-    `terms`, shape (degree + 1, n padded), comes from `fill_taylor_series`.
+    Row k of `terms`, shape (degree + 1, n or more), is multiplied by fraction^k (Horner's scheme).
     """
     for r in range(n):
         state[r] = terms[terms.shape[0] - 1, r]
@@ -189,10 +198,10 @@ def sum_series(terms, n, fraction, state):
 
 @kernel_without_refcounts
 def advance_by_series(system, constants, effects, length, z, terms):
-    """Advance a state z, or a perturbation of it, in place by `length` in theta.
+    """Advance a state z, or a perturbation of it, by the time `length` in theta, in place.
 
-    The contact `effects`, int, (m,), of the meshes do not change. `terms`, which holds the Taylor
-    series, is overwritten.
+    `effects`, int, (m,), has a number for the contact and stiffness level of each mesh, which do
+    not change in this time. `terms` is overwritten with Taylor series of z, one for each step.
     """
     remaining = length
     while remaining > 0.0:
@@ -206,8 +215,9 @@ def advance_by_series(system, constants, effects, length, z, terms):
 def series_may_reach_zero(curve, sign, degree):
     """Return whether a distance from a flank line may reach zero within its series' time unit.
 
-    `curve` is a row that `fill_distance_series` has filled, `degree` is the degree of the series,
-    and `sign`, 1 or -1, is the sign of the distance in the present contact.
+    Row `curve` holds the coefficients of the distance's Taylor series up to `degree`, then the
+    magnitude that scales its rounding error. `sign`, 1 or -1, is the present sign of the distance.
+    If the constant exceeds the sum of the magnitudes of all other coefficients, there is no zero.
     """
     variation = 0.0
     for k in range(1, degree + 1):

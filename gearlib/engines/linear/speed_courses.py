@@ -49,7 +49,11 @@ class CoursePiece(NamedTuple):
         return np.sqrt(np.maximum(squared_speed, 0.0))
 
     def at_times(self, theta: float | np.ndarray) -> tuple:
-        """Return (tuning nu, mesh phase tau, fraction of the nominal load) at times theta."""
+        """Return (tuning nu, mesh phase tau, fraction of the nominal load) at times theta.
+
+        The tuning is dtau/dtheta, mesh frequency over natural frequency; theta is the dimensionless
+        time.
+        """
         elapsed = theta - self.start
         speed = np.maximum(self.speed + self.acceleration * elapsed, 0.0)
         phase = self.phase + 0.5 * (self.speed + speed) * elapsed
@@ -76,9 +80,11 @@ def pieces_of(model: Any, speeds: np.ndarray, loads: np.ndarray) -> list[CourseP
 
     `speeds`, shape (j, 2), has the columns time in s and speed in rpm; `loads`, shape (k, 2), has
     the columns time in s and fraction of the nominal load. Two loads at the same time are a step.
-    The last load lasts until the end of `speeds`.
+    The last load lasts until the end of `speeds`. The result is a list of `CoursePiece`, in
+    dimensionless time theta.
     """
-    # One second is this much theta; speeds and loads are not scaled.
+    # The first column, times, is converted to theta; the second one, speeds or loads, is not
+    # scaled.
     scales = np.array([float(model.mesh_frequency(1.0)), 1.0])
     speeds, loads = speeds * scales, loads * scales
     speeds[:, 1] = [model.tuning_at(rpm) if rpm else 0.0 for rpm in speeds[:, 1]]
@@ -97,11 +103,13 @@ def pieces_of(model: Any, speeds: np.ndarray, loads: np.ndarray) -> list[CourseP
 def start_course_run(model, speeds, loads, state):
     """Return (propagator, list of `CoursePiece`, state z) at the start of speed and load courses.
 
-    See `pieces_of` for `speeds` and `loads`. Velocities are derivatives by phase in `state` and by
-    theta in z.
+    `speeds`, shape (j, 2), has the columns time in s and speed in rpm; `loads`, (k, 2), has the
+    columns time in s and fraction of the nominal load. Velocities are derivatives by mesh phase in
+    `state` and by dimensionless time in z.
     """
     runner, pieces = model.speed_course_propagator(model), pieces_of(model, speeds, loads)
     z = np.array(runner.initial_state(state), float)
+    # The second half of the state, the velocities by mesh phase, times the speed dtau/dtheta.
     z[z.size // 2 :] *= pieces[0].speed
     return runner, pieces, z
 
@@ -109,7 +117,8 @@ def start_course_run(model, speeds, loads, state):
 def _value_and_slope(course: np.ndarray, time: float) -> tuple[float, float]:
     """Return (value, slope) of a piecewise linear course just after a time.
 
-    `course`, shape (k, 2), has the columns time and value; outside its times the value is constant.
+    `course`, shape (k, 2), has the columns time and value. Before its first and after its last time
+    the value is constant.
     """
     i = int(np.searchsorted(course[:, 0], time, side="right")) - 1
     if i < 0:
@@ -124,14 +133,14 @@ def _value_and_slope(course: np.ndarray, time: float) -> tuple[float, float]:
 def run_courses(
     runner, pieces, state, samples_per_period, max_events, base_acceleration, periods_per_block
 ):
-    """Run a propagator through the pieces of speed and load courses; yield `IntervalRecord`s.
+    """Run through the pieces of speed and load courses; yield an `IntervalRecord` for each part.
 
-    `runner` is the propagator, and `pieces` is a list of `CoursePiece`. If the run fails, the
-    record with its status is the last one. `state`, shape (2 N,), has velocities by theta and
-    changes in place. Each mesh period has `samples_per_period` samples at equal steps of time and
-    at most `max_events` contact events. `base_acceleration`, shape (N,), is the acceleration of the
-    coordinates by theta due to d2tau/dtheta2 = 1. A record has a summary for each block of
-    `periods_per_block` mesh periods.
+    `runner` is the propagator, and `pieces` is a list of `CoursePiece`, on which speed and load are
+    linear in time. `state`, (2 N,), has velocities by theta (dimensionless time) and changes in
+    place. Each mesh period has `samples_per_period` samples at equal steps of time and at most
+    `max_events` contact events. `base_acceleration`, (N,), is the acceleration of the coordinates
+    by theta due to d2tau/dtheta2 = 1. A record has a summary for each block of `periods_per_block`
+    mesh periods. After a failure no further record follows.
     """
     for piece in pieces:
         runner.set_piece(piece, base_acceleration)
@@ -155,7 +164,11 @@ class PieceIntervals(NamedTuple):
     ends: bool  #: whether the last interval ends with the piece
 
     def speeds(self, piece: CoursePiece) -> np.ndarray:
-        """Return the tuning nu at the bounds of the p segments in a piece, shape (p + 1,)."""
+        """Return the tuning nu (mesh / natural frequency) at the bounds of p segments, (p + 1,).
+
+        The segments are the ranges of constant stiffness in a `CoursePiece` of constant
+        acceleration.
+        """
         speeds = piece.speed_at(self.offset + self.phase)
         # Near standstill the root of a difference loses half of its digits, so that the speeds at
         # the ends of the piece are computed without it.
@@ -166,18 +179,24 @@ class PieceIntervals(NamedTuple):
         return speeds
 
     def lengths(self, piece: CoursePiece) -> np.ndarray:
-        """Return the durations in theta of the p segments in a piece, shape (p,)."""
+        """Return the durations in theta of the p stiffness segments in a `CoursePiece`, shape (p,).
+
+        A duration is the change of mesh phase over the mean speed, since the acceleration is
+        constant.
+        """
         speeds = self.speeds(piece)
         speed_sums = speeds[:-1] + speeds[1:]
         if speed_sums.any():
             return 2.0 * np.diff(self.phase) / speed_sums
+        # At standstill throughout, the piece is a single segment.
         return np.array([piece.length])
 
     def end_times(self, lengths: np.ndarray) -> np.ndarray:
-        """Return the ends of all p segments in theta since the start of their interval, (p,).
+        """Return the ends of p stiffness segments, (p,), in time theta since their interval's start.
 
-        `lengths`, shape (p,), has the durations of the segments. Each interval is summed
-        separately, so that rounding does not grow with the run.
+        `lengths`, shape (p,), has the durations of the segments in theta. Intervals are mesh
+        periods. Each is summed on its own, so that rounding does not grow with the run: in a table
+        with a row for each interval, filled up with zeros.
         """
         segment_counts = np.diff(self.first_segments)
         interval = np.repeat(np.arange(segment_counts.size), segment_counts)
@@ -187,11 +206,12 @@ class PieceIntervals(NamedTuple):
         return np.cumsum(padded_lengths, axis=1)[interval, position]
 
     def bounds(self, piece: CoursePiece, lengths: np.ndarray) -> np.ndarray:
-        """Return theta at the bounds of the k intervals, shape (k + 1,).
+        """Return the times theta at the bounds of k intervals (mesh periods), shape (k + 1,).
 
-        `lengths`, shape (p,), has the durations of the segments.
+        `lengths`, shape (p,), has the durations of the p stiffness segments in theta.
         """
         start = piece.start
+        # The piece began earlier; time since then is the change of mesh phase over the mean speed.
         if not self.begins:
             phase = self.offset + self.phase[0]
             start += 2.0 * (phase - piece.phase) / (piece.speed + float(piece.speed_at(phase)))
@@ -201,7 +221,8 @@ class PieceIntervals(NamedTuple):
 def _piece_intervals(runner, piece, periods_per_block):
     """Yield the `PieceIntervals` of a `CoursePiece` for a limited number of mesh periods at a time.
 
-    `runner` is the propagator; a block of the summary lasts `periods_per_block` mesh periods.
+    They are its mesh periods with their segments of constant stiffness. `runner` is the propagator;
+    a summary of extrema covers a block of `periods_per_block` mesh periods.
     """
     base, is_long = runner.base_system, runner.long_run_out
     end = piece.phase + piece.length * (piece.speed + 0.5 * piece.acceleration * piece.length)
@@ -273,10 +294,10 @@ class _CourseRunMixin:
         return self.system, self.constants, period_counts[0]
 
     def set_piece(self, piece: CoursePiece, base_acceleration: np.ndarray) -> None:
-        """Set the loads and the acceleration of a `CoursePiece`.
+        """Set the load and the acceleration of the system for a `CoursePiece` of the courses.
 
-        `base_acceleration`, shape (N,), is the acceleration of the coordinates by theta due to
-        d2tau/dtheta2 = 1.
+        `base_acceleration`, shape (N,), is the acceleration of the coordinates by theta
+        (dimensionless time) due to d2tau/dtheta2 = 1.
         """
         self.loaded_system = _system_with_load(self.unloaded_system, piece, base_acceleration)
         if self.base_system.harmonics.size:
@@ -293,19 +314,24 @@ class _CourseRunMixin:
 
     @cached_property
     def unloaded_system(self):
-        """The `base_system`, with the phase of harmonics, if there are any, quadratic in theta."""
+        """The `base_system`, with harmonics at variable speed if it has any.
+
+        Their phase is then a quadratic function of the time theta.
+        """
         if not self.base_system.harmonics.size:
             return self.base_system
         period_range = (0, self.base_system.first_segment.size - 1) if self.long_run_out else ()
-        # The base system is at tuning 1. At another tuning, terms of the harmonics are the same,
-        # but terms of their derivatives are proportional to the tuning.
+        # The base system is at tuning (speed) 1. At another tuning the terms of the harmonics are
+        # the same, but the terms of their derivatives are proportional to the tuning, which
+        # separates them.
         system_at_tuning_2 = self.model.system(2.0, *period_range)
         return _system_with_chirps(self.base_system, system_at_tuning_2, self.model.size)
 
     def take_tables(self):
-        """Return mode tables for a run, which it does not use if there are harmonics.
+        """Return mode tables for a run; with harmonics, modes are never used.
 
-        While the speed changes, harmonics are integrated by Taylor series only.
+        While the speed changes, harmonics are integrated by Taylor series only. A prohibitive cost
+        of modes has this effect.
         """
         tables = super().take_tables()  # type: ignore[misc]
         if self.base_system.harmonics.size:
@@ -313,11 +339,11 @@ class _CourseRunMixin:
         return tables
 
     def _driven_components(self, piece, intervals, theta) -> list[float]:
-        """Return the state components between the velocities and the constant.
+        """Return the state components between the velocities and the constant, at time `theta`.
 
-        They are the values at the start of the `PieceIntervals`, at time `theta`: the speed and the
-        harmonics, if there are any, and the change of the load since the start of the
-        `CoursePiece`, if the load has a slope.
+        They are values at the start of the `PieceIntervals` `intervals`. If there are harmonics:
+        the speed and, for each harmonic, cosine, sine and their derivatives. If the load of the
+        `CoursePiece` `piece` has a slope: the change of the load since the start of the piece.
         """
         mesh_period = round(intervals.offset / math.tau) % self.model.repeats
         values, phase = [], intervals.phase[0] + math.tau * mesh_period
@@ -332,10 +358,11 @@ class _CourseRunMixin:
         return values
 
     def _set_segments(self, intervals, lengths, sample_starts) -> None:
-        """Set system and constants for the p segments of `PieceIntervals`.
+        """Set `system` and `constants` for the p stiffness segments of `PieceIntervals`.
 
-        `lengths`, shape (p,), has the durations of the segments in theta, and `sample_starts`,
-        shape (k + 1,), has the index of the first sample of each of the k intervals.
+        `lengths`, shape (p,), has the durations of the segments in theta. `sample_starts`, (k +
+        1,), has the index of the first sample of each of the k intervals (mesh periods) and the
+        number of samples.
         """
         system, starts = self.loaded_system, np.concatenate([[0.0], np.cumsum(lengths)])
         tables = {
@@ -361,7 +388,9 @@ class _CourseRunMixin:
     def _add_chirp_accelerations(self, raw, piece, columns):
         """Add the accelerations due to harmonics to the mesh samples `columns`, shape (k, m, 6).
 
-        `raw` holds the states of the samples; the speed changes as in the `CoursePiece` `piece`.
+        The base matrix lacks the derivatives of the harmonics' rates, c'' = -w (nu' s + nu s') and
+        s'' = w (nu' c + nu c'), because these are nonlinear in the state. `raw` holds the states of
+        the samples, and nu' is the acceleration of the `CoursePiece` `piece`.
         """
         speed_index, rate = self.model.size, self.constants.drive_rates
         for j, w in enumerate(self.base_system.harmonics):
@@ -376,8 +405,9 @@ class _CourseRunMixin:
     def run_intervals(self, piece, state, intervals, samples_per_period, max_events):
         """Run through the `PieceIntervals` of a `CoursePiece` and return an `IntervalRecord`.
 
-        `state`, shape (2 N,), holds displacements and velocities by theta; it becomes the final
-        state. Each interval has `samples_per_period` samples and at most `max_events` events.
+        The intervals are mesh periods, cut at the ends of the piece. `state`, (2 N,), holds
+        displacements and velocities by theta; it becomes the final state. Each interval has
+        `samples_per_period` samples at equal steps of time and at most `max_events` contact events.
         """
         lengths, count = intervals.lengths(piece), len(intervals.block)
         interval_lengths = intervals.end_times(lengths)[intervals.first_segments[1:] - 1]
@@ -388,6 +418,7 @@ class _CourseRunMixin:
         coordinate_count = state.size // 2
         m = len(system.drive_lines)
         raw = self.empty_raw_samples(len(sample_times))
+        # Until a sample is filled, its last column holds its time since the start of the interval.
         raw[:, -1] = sample_times
         summary = np.empty(((self.constants.summary_blocks[-1] + 1) * m, orbit.SUMMARY_COLUMNS))
         # The run enlarges the event table if it needs more than four rows for a mesh and interval.
@@ -426,7 +457,10 @@ class CourseMesh(_CourseRunMixin, propagator.SingleMeshPropagator):
 
 
 def propagator_of(model: Any) -> Any:
-    """Return the engine of a model along speed and load courses, with time theta."""
+    """Return the engine that runs a model along speed and load courses, with time theta.
+
+    At tuning 1, which it gets here, phases equal times; the speed enters with the course.
+    """
     runner = (_CourseTrain if model.mesh_names else CourseMesh)(model, 1.0)
     runner.description = "Taylor steps" if runner.system.harmonics.size else "closed forms"
     return runner
@@ -435,14 +469,16 @@ def propagator_of(model: Any) -> Any:
 def _system_with_load(
     system: TrainSystem, piece: CoursePiece, base_acceleration: np.ndarray
 ) -> TrainSystem:
-    """Return a `TrainSystem` with the load and the acceleration of a `CoursePiece`.
+    """Return a copy of a `TrainSystem` with the load and the acceleration of a `CoursePiece`.
 
-    A changing load adds one component to the state. `base_acceleration`, shape (N,), is the
-    acceleration of the coordinates by theta due to d2tau/dtheta2 = 1.
+    A load that changes with time adds a component to the state, which grows by the slope in a unit
+    of theta. `base_acceleration`, shape (N,), is the acceleration of the coordinates by theta due
+    to d2tau/dtheta2 = 1.
     """
     n, coordinate_count = len(system.base_matrix), base_acceleration.size
     constant, velocities = n - 1, slice(coordinate_count, 2 * coordinate_count)
     matrix = system.base_matrix.copy()
+    # The column of the constant 1 holds the accelerations due to the nominal load.
     load = matrix[velocities, constant].copy()
     matrix[velocities, constant] = load * piece.load + base_acceleration * piece.acceleration
     if piece.slope == 0.0:
@@ -462,12 +498,12 @@ def _system_with_load(
 def _system_with_chirps(
     system: TrainSystem, system_at_tuning_2: TrainSystem, size: int
 ) -> TrainSystem:
-    """Return a `TrainSystem` whose harmonics have a phase that is quadratic in theta.
+    """Return a `TrainSystem` whose harmonics have a phase that is quadratic in time (chirps).
 
     After `size` displacements and velocities, the state holds dtau/dtheta and, for each harmonic,
     cosine, sine and their derivatives by theta, on which damping forces depend. The coefficients of
     the derivatives follow from the difference between `system_at_tuning_2` and `system`, which is
-    at tuning 1. `sparse_series` computes the derivatives of the new components.
+    at tuning 1. Module `sparse_series` computes the derivatives of the new components.
     """
     h = system.harmonics.size
     size_after = size + 2 + 4 * h  # speed, four components a harmonic, constant

@@ -28,7 +28,10 @@ _MAX_DERIVATIVES = 10
 
 @kernel_without_refcounts
 def _sign_or_zero(row_vector, z):
-    """Return the sign of the scalar product of a row vector and z, 0.0 if it is below rounding."""
+    """Return the sign of the scalar product of a row vector and z, 0.0 if it is below rounding.
+
+    Rounding is judged by the sum of the magnitudes of the terms.
+    """
     value, magnitude = 0.0, 0.0
     for r in range(z.shape[0]):
         value += row_vector[r] * z[r]
@@ -40,18 +43,19 @@ def _sign_or_zero(row_vector, z):
 
 @kernel
 def set_initial_contacts(system, no_coast_side, work, segment):
-    """Set contact, start_line and zero_order in `work` for its state at the start of a segment.
+    """Set the contact codes of all meshes for the state at the start of a stiffness segment.
 
-    If a mesh is on a flank line, the first nonzero derivative of its distance decides the contact
-    just after; in derivatives of lower order the mesh exerts no force. zero_order is the order of
-    this derivative, start_line the line, 1 drive side or -1 coast side; both are 0 off the lines.
-    `system` is the `TrainSystem`, `work` its `RunStorage`, and `segment` the index of the segment.
-    `no_coast_side`, bool, shape (m,), marks the meshes without a coast side.
+    If a mesh is on a flank line (its flanks just touch), the first nonzero derivative of its
+    distance decides the contact just after; in lower derivatives the mesh exerts no force. `work`
+    (`RunStorage`) receives contact (1, 0, -1), zero_order (order of this derivative) and start_line
+    (1 drive side, -1 coast side; both 0 off the lines). `system` is the `TrainSystem`, `segment`
+    the index of the segment. `no_coast_side`, bool, (m,), marks meshes without a coast side.
     """
     m, n = system.drive_lines.shape
     z = work.state[:n]
     work.zero_order[:] = 0
     work.start_line[:] = 0
+    # First the distances themselves decide, where they are not zero.
     is_undecided = np.zeros(m, dtype=np.bool_)
     for j in range(m):
         drive_sign = _sign_or_zero(system.drive_lines[j], z)
@@ -65,6 +69,7 @@ def set_initial_contacts(system, no_coast_side, work, segment):
             work.contact[j] = COAST
         elif coast_sign == 0.0:
             work.start_line[j], is_undecided[j] = -1, True
+    # The derivative of this order is A^order z with the matrix A of the contacts found so far.
     matrix = np.empty((n, n))
     for order in range(1, _MAX_DERIVATIVES):
         if not is_undecided.any():
@@ -93,7 +98,10 @@ def set_initial_contacts(system, no_coast_side, work, segment):
 
 @kernel_without_refcounts
 def _exceeds_range(z):
-    """Return whether a component of the state z is NaN or so large that its square overflows."""
+    """Return whether a component of the state z is NaN or so large that its square overflows.
+
+    The comparison is negated because it is False for NaN.
+    """
     for r in range(z.shape[0]):
         if not abs(z[r]) < 1e150:
             return True
@@ -104,11 +112,13 @@ def _exceeds_range(z):
 def start_run(system, constants, work):
     """Set the harmonics and the contacts in `work` at the start of a run; return a status.
 
-    The status is JAMMED if both flanks of a mesh touch, else OK. `work` is the `RunStorage`, and
-    `constants` are the `RunConstants` of the `TrainSystem` `system`.
+    The status is JAMMED if both flanks of a mesh touch, else OK. `work` is the `RunStorage` with
+    the initial state, and `constants` are the `RunConstants` of the `TrainSystem` `system`.
     """
     n = system.drive_lines.shape[1]
     set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * system.first_period)
+    # The excitation repeats after as many mesh periods as have entries in `first_segment`, less the
+    # end.
     mesh_period = system.first_period % (system.first_segment.shape[0] - 1)
     set_initial_contacts(system, constants.no_coast_side, work, system.first_segment[mesh_period])
     for j in range(system.drive_lines.shape[0]):
@@ -213,7 +223,8 @@ def motion_period(system, strobes, summary):
 
     `strobes`, shape (m, k + 1, 2), has displacements and velocities of m meshes at k + 1 successive
     bounds of mesh periods. `summary`, with a row for each mesh, holds the extrema of the
-    displacement, which scale the tolerance.
+    displacement, which scale the tolerance. The result is the least common multiple over the
+    meshes.
     """
     period = 1
     for j in range(strobes.shape[0]):
@@ -229,7 +240,9 @@ def motion_period(system, strobes, summary):
 def _record_strobe(system, constants, z, strobes, row):
     """Write displacement and velocity of all meshes in the state z to ``strobes[:, row]``.
 
-    `constants` (`RunConstants`) holds the rates of the displacements in the `TrainSystem` `system`.
+    A strobe is a state at the start of a mesh period. `constants` (`RunConstants`) hold the row
+    vectors of the velocities by theta; divided by the tuning (dtau/dtheta) they are derivatives by
+    mesh phase.
     """
     state = z[: system.drive_lines.shape[1]]
     for j in range(strobes.shape[0]):

@@ -57,9 +57,10 @@ class TrainSystem(NamedTuple):
 def fill_system_matrix(system, effects, matrix):
     """Fill `matrix`, shape (n, n), with the matrix A of the equation of motion z' = A z.
 
-    `system` is the `TrainSystem`. `effects`, int, shape (m,), has the number of the contact effect
-    of each mesh, which stands for its contact and stiffness level. Each mesh adds the outer
-    products of its two forces, mesh force and friction.
+    `system` is the `TrainSystem`. `effects`, int, shape (m,), has a number for the contact and
+    stiffness level of each mesh, 0 without contact. Each mesh adds the outer products of its two
+    forces, mesh force and friction: of the vector by which a force acts and the vector from which
+    it follows.
     """
     for r in range(matrix.shape[0]):
         for i in range(matrix.shape[0]):
@@ -79,7 +80,7 @@ def set_harmonics(frequencies, z, phase):
     """Set the constant and the harmonics of the state z, shape (n,), at a mesh phase in rad.
 
     They are its last components: 1, then cos(w * phase) and sin(w * phase) for each frequency w in
-    `frequencies`, shape (h,).
+    `frequencies`, shape (h,), which is relative to the mesh frequency.
     """
     n, m = z.shape[0], frequencies.shape[0]
     z[n - 2 * m - 1] = 1.0
@@ -90,7 +91,10 @@ def set_harmonics(frequencies, z, phase):
 
 @kernel
 def matrix_vector_product(matrix, z):
-    """Return the product of a small matrix and a vector z, without a linear algebra library."""
+    """Return the product of a small matrix and the vector z, by plain loops.
+
+    For small matrices they are faster than a call of a linear algebra library.
+    """
     product = np.zeros(matrix.shape[0])
     for r in range(matrix.shape[0]):
         for i in range(matrix.shape[1]):
@@ -112,8 +116,9 @@ def next_contact(contact, line):
     """Return the contact code of a mesh after it has crossed a flank line.
 
     `contact` is the code before: 1 drive-side contact, 0 no contact, -1 coast-side contact; `line`
-    is 1 for the drive-side and -1 for the coast-side line. A mesh in contact on this side loses
-    contact; a mesh in contact on the other side would touch on both sides, with the code BOTH.
+    is 1 for the drive-side and -1 for the coast-side line, where the flanks just touch. A mesh in
+    contact on this side loses contact, a mesh without contact comes into contact, and a mesh in
+    contact on the other side touches on both sides, with the code BOTH.
     """
     if contact == line:
         return NO_CONTACT
@@ -123,12 +128,12 @@ def next_contact(contact, line):
 def flanks_may_overlap(drive_lines, coast_lines, constant_index):
     """Return whether both flanks of each mesh may touch at once, a bool array of shape (...).
 
-    The lines, shape (..., n), are row vectors of the distances from the drive-side and the
-    coast-side line; both flanks touch where drive distance >= 0 >= coast distance. The clearance,
-    coast distance less drive distance, is provably not negative if it does not depend on
-    coordinates and either has no harmonics or has a constant, at `constant_index`, that exceeds the
-    sum of the amplitudes of the harmonics, which follow the constant. Otherwise a run has to check
-    it.
+    The lines, shape (..., n), are row vectors: a product with the state is the distance of a mesh
+    from its drive-side or coast-side flank line. Both flanks touch if drive distance >= 0 >= coast
+    distance. This is excluded if the clearance (coast less drive distance) does not depend on
+    coordinates and is never negative: it has no harmonics, or its constant, at `constant_index`,
+    exceeds the sum of the amplitudes of its harmonics, which follow it. Otherwise a run has to
+    check it.
     """
     clearance = (coast_lines - drive_lines).real
     cosines = clearance[..., constant_index + 1 :: 2]
@@ -143,8 +148,8 @@ def flanks_may_overlap(drive_lines, coast_lines, constant_index):
 def is_past_coast_line(coast_line, z):
     """Return whether the state z is beyond the coast-side flank line by more than rounding.
 
-    A mesh that also touches on the drive side is then jammed. `coast_line`, shape (n,), is the row
-    vector of the distance from the line; z has the shape (n,) or longer.
+    A mesh that also touches on the drive side is then jammed. `coast_line`, shape (n,), is a row
+    vector; its product with z, of shape (n,) or longer, is the distance from the line.
     """
     distance, magnitude = 0.0, 0.0
     for r in range(coast_line.shape[0]):
@@ -218,7 +223,10 @@ class RunStorage(NamedTuple):
 
 
 def run_constants(system: TrainSystem) -> RunConstants:
-    """Return the `RunConstants` of a `TrainSystem`, such as lengths of segments and mesh flags."""
+    """Return the `RunConstants` of a `TrainSystem`: durations of segments, mesh flags, and more.
+
+    The clearance is the distance between the two flank lines of a mesh, which is the backlash.
+    """
     lengths = np.diff(system.starts) / system.tuning
     # Lengths that differ only by rounding get the same index.
     order = np.argsort(lengths, kind="stable")
@@ -226,6 +234,7 @@ def run_constants(system: TrainSystem) -> RunConstants:
     is_new = np.concatenate([[True], np.diff(lengths[order]) > tolerances])
     length_index = np.empty(lengths.size, np.int64)
     length_index[order] = np.cumsum(is_new) - 1
+    # Index of the constant 1 in the state; pairs of harmonics follow it.
     constant = system.base_matrix.shape[0] - 1 - 2 * system.harmonics.size
     no_coast_side = ~system.coast_lines[:, :constant].any(axis=1)
     clearance = system.coast_lines - system.drive_lines
@@ -254,13 +263,14 @@ def run_constants(system: TrainSystem) -> RunConstants:
 def allocate_run_storage(n, padded, m, degree=HIGH_DEGREE, with_series=False):
     """Return an empty `RunStorage` for m meshes and n state components, stored as `padded` numbers.
 
-    Distances are polynomials of `degree`. Storage for Taylor series is included if n is so large
-    that they may cost less than modes, or if `with_series`.
+    Flank distances are polynomials of `degree`. Storage for Taylor series is included if n is so
+    large that they may cost less than modes, or if `with_series`.
     """
     has_series = with_series or mode_cost_in_steps(n) > 0
     integer_fields = "contact", "zero_order", "start_line", "effects", "contact_after"
     state_fields = "state", "modal_state", "mode_buffer", "sampled_modes", "sampled_state"
     counters = np.zeros(7, np.int64)
+    # A run begins at the start of a mesh period.
     counters[SEGMENT] = -1
     return RunStorage(
         **{name: np.zeros(m, np.int64) for name in integer_fields},
