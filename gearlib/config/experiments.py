@@ -155,9 +155,9 @@ class Labels(grid_base(0.5, 1.4, 0.01)):
 
 
 def check_increasing(section, low_key, high_key):
-    """Raise ValueError unless one value of a section is greater than another one.
+    """Raise ValueError unless the value of `high_key` in a section exceeds that of `low_key`.
 
-    `low_key` and `high_key` are the keys of the two values in the `section`.
+    Both are keys of the section, and the error names `high_key`.
     """
     low, high = getattr(section, low_key), getattr(section, high_key)
     checks.require(high > low, high_key, high, f"greater than {low_key} = {low!r}")

@@ -44,13 +44,17 @@ _RATIOS = {"1": 1.0, "percent": 0.01, "%": 0.01}
 
 
 def _text(max_length):
-    """Return the type of a text of 1 to `max_length` characters."""
+    """Return the type of a string of 1 to `max_length` characters, for a configuration key."""
     comment = f"a text of 1 to {max_length} characters"
     return t.text(comment, min_length=1, max_length=max_length)
 
 
 def _read_facts(value):
-    """Return `value`, the section `known`, or raise ValueError unless it is a dict of text keys."""
+    """Return `value` if it is a dict whose keys are strings, else raise ValueError.
+
+    It is the section `known`: facts about the test rig by name. The error needs no message, because
+    pydantic makes one from the type of the section.
+    """
     if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
         raise ValueError
     return value
@@ -72,9 +76,11 @@ class FitSection(Section):
 
 
 def free_range(name, limits):
-    """Return [low, high], in SI units, of the parameter `name` of a fit.
+    """Return [lowest, highest value] of a parameter that `gearlib fit` varies, in SI units.
 
-    `limits` has two numbers or texts with units. Raise ValueError if one is not allowed.
+    `name` is the name of the parameter, and `limits` has two numbers or strings with units. A
+    parameter that does not belong to a gear pair may have any finite limits. Raise ValueError if a
+    limit is not allowed.
     """
     parameter = numeric_parameters(PairParameters).get(name)
     annotation = list_of(parameter.annotation if parameter else Finite, 2)
@@ -100,7 +106,9 @@ class Channel(Section):
     def check(self, key):
         """Raise ValueError if the keys of this channel are not compatible.
 
-        `key` is its key in the section `channels`.
+        A channel is a column of the measured table, and `key` is its name in the section
+        `channels`. Values may be raw counts of a converter; then the value of one count must be
+        known, unless the gain is unknown or the observable is a bare number.
         """
         name, channel_key = self.observableId or key, f"channels.{key}"
         known_unit = measured_names.units_and_description(name)
@@ -129,8 +137,9 @@ class Channel(Section):
     def scale(self, key):
         """Return the factor that converts values of this channel to a CF unit, and this unit.
 
-        `key` is the key of the channel in the section `channels`. Raise ValueError if the unit does
-        not fit the observable.
+        CF units are those of the climate and forecast conventions, such as "m s-1". `key` is the
+        name of the channel in the section `channels`. Raise ValueError if the unit does not fit the
+        observable.
         """
         name = self.observableId or key
         unit_key, text = "unit", f"1 {self.unit}"
@@ -143,14 +152,14 @@ class Channel(Section):
         elif self.unit == COUNTS and self.count is not None:
             unit_key, text = "count", self.count
         elif self.unit == COUNTS:
-            # The value of a count is not known.
+            # The value of a count is not known, so that values stay relative numbers or counts.
             return 1.0, "1" if unit_pairs[0] == ("1", "1") else "count"
         for cf_unit, written_unit in unit_pairs:
             if cf_unit == "1" and self.unit in _RATIOS:
                 return _RATIOS[self.unit], cf_unit
             with suppress(ValueError):
                 if cf_unit != "1":
-                    # Counts per turn are given only if `text` is a turn.
+                    # If `text` is one turn, it is divided into counts; else nothing is divided.
                     return units.read(text, written_unit) / (self.counts_per_turn or 1), cf_unit
         unit_names = " or ".join(written_unit for _, written_unit in unit_pairs)
         zero = ", from absolute zero" if unit_names == "K" else ""
@@ -160,7 +169,9 @@ class Channel(Section):
     def noise_std(self, key):
         """Return the standard deviation of this channel in CF units, 0 if it is not given.
 
-        `key` is the key of the channel in the section `channels`.
+        CF units are those of the climate and forecast conventions. `key` is the name of the channel
+        in the section `channels`. The key `noise` is a number in the unit of the channel, or a
+        string with a unit of its own.
         """
         factor, cf_unit = self.scale(key)
         noise = None
@@ -169,6 +180,7 @@ class Channel(Section):
             with suppress(ValueError):
                 noise = units.read(self.noise, written_unit)
         elif not isinstance(self.noise, bool):
+            # A factor may be negative, a standard deviation may not.
             noise = (self.noise or 0.0) * abs(factor)
         allowed = f"a number >= 0 in {self.unit}, or a text with a unit of its dimension"
         require(noise is not None and noise >= 0, f"channels.{key}.noise", self.noise, allowed)
@@ -222,7 +234,10 @@ class Description(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if channels, files or ranges are not compatible."""
+        """Raise ValueError if channels, table or limits of a fit are not compatible.
+
+        Each observable (a measured quantity) may belong to one channel only.
+        """
         key_by_observable = {}
         for key, channel in self.channels.items():
             channel.check(key)
@@ -250,29 +265,41 @@ class Description(Section):
         return {channel.observableId or key for key, channel in self.channels.items()}
 
     def has_courses(self):
-        """Return whether there are time histories at constant speeds."""
+        """Return whether the set has time histories that were measured at constant speeds.
+
+        The speed of such a history is stated in its condition and is not a channel of the table.
+        """
         names = self._observables()
         has_speed = any(condition.speed for condition in self.conditions.values())
         return has_speed and "speed" not in names and bool(names & _TIME_HISTORIES)
 
     def has_run_ups(self):
-        """Return whether there are time histories in which the speed is a channel."""
+        """Return whether the set has time histories in which the speed is a channel.
+
+        The times are another channel, or belong to the file format.
+        """
         names = self._observables()
         suffix = Path(self.data or "").suffix.lower()
         has_times = "time" in names or suffix in _TIMED_FORMATS
         return has_times and "speed" in names and bool(names & _TIME_HISTORIES)
 
     def unstated_properties(self):
-        """Return the names of properties of the test rig that the source does not state."""
+        """Return the names of those properties of the test rig that are not known.
+
+        `known` is a section of the file with facts about the rig. A property, such as the
+        stiffness, is known if one of the keys in `_EXPECTED_FACTS` that state it has a value other
+        than "unknown".
+        """
         facts = dict(self.known).items()
         known_keys = {key for key, value in facts if value not in (None, "unknown")}
         return [name for name, keys in _EXPECTED_FACTS.items() if not known_keys & keys]
 
 
 def read_sets(paths):
-    """Return a dict: file name without suffix -> (path, `Description`) of each measured set.
+    """Return the measured sets as a dict: name of the set -> (path, `Description`).
 
-    `paths` are paths of YAML files. Raise ValueError if one is not valid, if its table is missing,
+    `paths` are paths of the YAML files that describe the sets; the name is that of the file without
+    its suffix. Raise ValueError if a description is not valid, if the table beside it is missing,
     or if two files have the same name.
     """
     descriptions = {}
@@ -292,7 +319,10 @@ def read_sets(paths):
 
 
 def read(path):
-    """Return the `Description` in a YAML file; raise ValueError with all problems in the file."""
+    """Return the `Description` of a measured set in a YAML file.
+
+    Raise ValueError, whose message has all problems in the file, one per line.
+    """
     content, problems = validation.read_yaml(path)
     if problems:
         raise ValueError("\n".join(problems))

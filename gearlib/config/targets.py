@@ -37,7 +37,11 @@ WITH_PROFILE = ("resonance", "phase_planes", "run_ups", "labels", "measured")
 
 
 def refusal(target: str, config: Any) -> str:
-    """Return the reason why a target cannot be computed for a configuration, "" if it can."""
+    """Return the reason why a target cannot be computed for a configuration, "" if it can.
+
+    `target` is the name of a result of the workflow, such as "resonance". A reason is an error
+    message without a full stop.
+    """
     if NOT_GIVEN in config.dampings and target != "gearbox":
         return "gears or gear_pair is missing: it must be given beside gearbox"
     if config.profile and target not in WITH_PROFILE:
@@ -60,13 +64,21 @@ def installed(method: str) -> bool:
 
 
 def has_custom_train(config: Any) -> bool:
-    """Return whether the section `train` describes another train than the paper's reducer."""
+    """Return whether the section `train` describes another train than the default one.
+
+    The default is the reducer of the paper, whose power is split among three branches.
+    """
     train = config.train
     return train.kind != "split_power_reducer" or bool(train.split_power_reducer.model_dump())
 
 
 def mesh_damping_error(config: Any) -> str:
-    """Return an error message if the train has a mesh whose damping is missing, else ""."""
+    """Return an error message if the train has a mesh whose damping is missing, else "".
+
+    Only two kinds of trains can lack it: planetary sets given by geometry and trains of the user's
+    own bodies ("own"). A mesh with a stated stiffness needs a damping coefficient; otherwise the
+    message asks for the damping ratio.
+    """
     train, meshes = config.train, {}
     if train.kind == "planetary_set":
         meshes["planetary_set"] = train.planetary_set
@@ -88,7 +100,11 @@ def _bearings_error(config: Any) -> str:
 
 
 def _scenes_error(config: Any) -> str:
-    """Return the reason why scenes, and the comparison of their models, cannot be computed."""
+    """Return the reason why the scenes of a configuration cannot be computed, else "".
+
+    A scene is a section for a figure of a few runs. Scenes whose model may need bearings require
+    the bearing stiffness.
+    """
     if not config.scenes:
         return (
             "scenes = {} is not allowed: the paper's scenes suit the paper's pair only, at least "
@@ -100,12 +116,18 @@ def _scenes_error(config: Any) -> str:
 
 
 def _geometry_error(reason: str, config: Any) -> str:
-    """Return an error message with its reason if the configuration has `gears`, else ""."""
+    """Return an error message if the gears are given by geometry, else "".
+
+    The message contains the `reason` why a target does not allow this.
+    """
     return f"gears is not allowed: {reason}, it must be left out" if config.gears else ""
 
 
 def _claims_error(config: Any) -> str:
-    """Return an error message if the gears are not the paper's, else ""."""
+    """Return an error message if the gears are not the gear pair of the paper, else "".
+
+    The target "claims" checks statements of the paper about its own pair.
+    """
     if config.gears is None and not gear_names.is_paper(config):
         values = ", ".join(f"{key} {value:g}" for key, value in PAPER.items())
         return f"gear_pair is not allowed: the statements are about the paper's pair, {values}"
@@ -113,7 +135,12 @@ def _claims_error(config: Any) -> str:
 
 
 def _gears_error(section_name: str, config: Any) -> str:
-    """Return the reason why a section in `GEARS_KEYS` has no suitable gears, else ""."""
+    """Return the reason why a study of gear geometry has no suitable gears, else "".
+
+    `section_name` is the section of the study, a key of `GEARS_KEYS`. Without gears of its own it
+    uses those of the section `gears`. Its default gears are used only if the configuration has the
+    gear pair of the paper.
+    """
     key = gears_section.GEARS_KEYS[section_name]
     has_gears = config.gears or key in getattr(config, section_name).model_fields_set
     if not has_gears and not gear_names.is_paper(config):
@@ -122,7 +149,11 @@ def _gears_error(section_name: str, config: Any) -> str:
 
 
 def _reducer_error(config: Any) -> str:
-    """Return the reason why the paper's reducer cannot be computed, else ""."""
+    """Return the reason why the reducer of the paper cannot be computed, else "".
+
+    The target "reducer" has a section of its own, so that the section `train` must not describe
+    another train or another reducer.
+    """
     train = config.train
     if train.kind != "split_power_reducer":
         return f"train.kind = {train.kind!r} is not allowed: it must be split_power_reducer"
@@ -137,7 +168,11 @@ def _reducer_error(config: Any) -> str:
 
 
 def _teeth_error(config: Any) -> str:
-    """Return an error message if a train of `gears` has no numbers of teeth, else ""."""
+    """Return an error message if the train lacks numbers of teeth, else "".
+
+    Only trains whose meshes all have the values of one gear pair need them, and only if this pair
+    is given by geometry: their default numbers of teeth would contradict the geometry.
+    """
     kind = config.train.kind
     if config.gears and kind in PAIR_TRAINS and getattr(config.train, kind).teeth is None:
         return f"train.{kind}.teeth is missing: it must be given beside gears"
@@ -151,8 +186,12 @@ def _train_sweep_error(config: Any) -> str:
 
 
 def _tolerances_error(config: Any) -> str:
-    """Return the reason why the tolerances do not fit the gears, else ""."""
-    # All parameters belong either to the geometry or to the gear pair; the message names the first.
+    """Return the reason why the tolerances do not fit the gears, else "".
+
+    Tolerances of the geometry need the section `gears`; those of the gear pair do not.
+    """
+    # The tolerances belong either all to the geometry or all to the gear pair, so that the message
+    # names just the first one.
     if config.tolerances.concern_geometry() and config.gears is None:
         name = config.tolerances.parameters[0].parameter
         return (

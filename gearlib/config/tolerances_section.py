@@ -38,10 +38,10 @@ class ToleratedParameter(Section):
     def distribution_dict(self, key, unit):
         """Return the probability distribution as a dict for `gearlib.scatter`, in SI units.
 
-        `key` is the config key of this section, for error messages; `unit` is the
+        `key` is the place of this section in the configuration, for error messages; `unit` is the
         `gearlib.parameters.Unit` of the parameter, None if it is not known. The section has either
-        `distribution`, a name in scipy.stats, with its parameters `shape`, or keys such as mean and
-        std.
+        `distribution`, a name in scipy.stats, with the parameters `shape`, or numbers such as mean
+        and std.
         """
         values = self.model_dump(include={*_VALUES, *_DEVIATIONS})
         if self.distribution is None:
@@ -57,8 +57,8 @@ class ToleratedParameter(Section):
 def _to_si(key, value, unit):
     """Return a value such as "40 um" in SI units; return numbers and percentages unchanged.
 
-    `key` is its config key, for error messages. `unit` is the `gearlib.parameters.Unit` of the
-    parameter; with None nothing is converted.
+    `key` is its place in the configuration, for error messages. `unit` is the
+    `gearlib.parameters.Unit` of the parameter; with None nothing is converted.
     """
     if not isinstance(value, str) or value.strip().endswith("%") or unit is None:
         return value
@@ -114,7 +114,11 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if jobs, parameters or correlations of the section are invalid."""
+        """Raise ValueError if jobs, parameters or correlations of the section are not valid.
+
+        A job is a process of the workflow, which computes `shard` designs, sampled sets of
+        parameters.
+        """
         min_shard = math.ceil(self.samples / MAX_JOBS)
         allowed = f"an integer >= {min_shard} to stay within {MAX_JOBS:,} jobs"
         checks.require(self.shard >= min_shard, "shard", self.shard, allowed)
@@ -125,6 +129,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         for i, name in enumerate(names):
             is_known = name in self._known_parameters()
             checks.require(is_known, f"parameters[{i}].parameter", name, allowed)
+        # A ratio, such as the damping ratio, determines a parameter of the pair.
         for ratio, quantity in tolerated.RATIOS.items():
             if {ratio, quantity} <= {*names}:
                 problem = (
@@ -136,31 +141,37 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
             pair, allowed = correlation.parameters, f"two of {', '.join(sorted(names))}"
             is_pair = {*pair} <= {*names} and len({*pair}) == 2
             checks.require(is_pair, f"correlations[{i}].parameters", pair, allowed)
-        # The nominal values of the gears are not known yet; any number serves.
+        # This call only raises errors of the tolerances. The values of the gears are not known yet,
+        # and 1.0 stands for each of them.
         self._complete_tolerances("", dict.fromkeys(names, 1.0))
         return self
 
     def concern_geometry(self):
         """Return whether the tolerances are tolerances of the gear geometry.
 
-        All parameters are then parameters of the geometry, and at least one is not a parameter of
-        the gear pair as well.
+        Then all parameters are parameters of the geometry, and at least one of them, such as a
+        profile shift, is not also a parameter of the gear pair.
         """
         names = {tolerance.parameter for tolerance in self.parameters}
         are_of_pair = names <= tolerated.pair_parameters().keys()
         return names <= tolerated.geometry_parameters().keys() and not are_of_pair
 
     def _known_parameters(self):
-        """Return `Parameter`s by name: of the geometry if it has tolerances, else of the pair."""
+        """Return the parameters that may have tolerances, name -> `Parameter`.
+
+        They are parameters of the geometry if one of the tolerances is, else those of the gear
+        pair.
+        """
         is_geometry = self.concern_geometry()
         return tolerated.geometry_parameters() if is_geometry else tolerated.pair_parameters()
 
     def distributions(self, nominal_values):
         """Return the distributions for `gearlib.scatter`, as a dict: parameter name -> dict.
 
-        `nominal_values` maps parameter names to SI values. If parameters are correlated, the
-        additional key "correlations" has a list of [name, name, correlation]. Raise ValueError if a
-        distribution leaves the range of its parameter.
+        `nominal_values` maps parameter names to SI values. If parameters are correlated, there is
+        also the key "correlations" with a list of [name, name, correlation]. Raise ValueError if
+        the limits of a distribution are not allowed for its parameter; those of scipy.stats are not
+        checked.
         """
         tolerances = self._complete_tolerances("tolerances.", nominal_values)
         for name, key in self.config_keys().items():
@@ -173,10 +184,11 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         return tolerances
 
     def _complete_tolerances(self, section_key, nominal_values):
-        """Return a dict: parameter name -> tolerance, completed by nominal values where needed.
+        """Return a dict: parameter name -> distribution with all its keys, as a dict.
 
-        Error messages have keys that start with `section_key`. `nominal_values` maps parameter
-        names to SI values.
+        `nominal_values` maps parameter names to SI values, which replace a mean or nominal value
+        that is not stated. Each key in an error message starts with `section_key`. A distribution
+        of scipy.stats stays as it is.
         """
         tolerances = {}
         for i, section in enumerate(self.parameters):

@@ -43,13 +43,14 @@ GEOMETRY_KEYS = {*GeometryMesh.model_fields, "torque", "centre_distance"}
 
 
 def _rectangle(arguments: dict) -> dict:
-    """Return `arguments` of `GearStage.train_parameters` with the rectangle in place of teeth.
+    """Return the arguments of a mesh with the rectangle in place of single pairs of teeth.
 
-    The rectangle checks the other arguments faster: it needs no transmission error and, with the
-    stiffness of ISO 6336, no numpy.
+    `arguments` are those of `GearStage.train_parameters`. The rectangle, a stiffness that
+    alternates between two values, checks the other arguments faster: it needs no transmission error
+    and, with the stiffness of ISO 6336, no numpy.
     """
     has_teeth = arguments.get("model", "teeth") == "teeth"
-    # Options of pairs of teeth are options of the energy method.
+    # Options of the model "teeth" are options of the energy method, not of ISO 6336.
     method = {"stiffness": "energy"} if has_teeth and arguments.get("options") else {}
     return method | arguments | {"model": "rectangle"}
 
@@ -76,7 +77,11 @@ class PlanetarySet(_Set):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if gears, positions or meshes of the planetary set are impossible."""
+        """Raise ValueError if gears, positions or meshes of the planetary set are impossible.
+
+        The meshes are computed with the rectangle, a stiffness that alternates between two values,
+        because this is fast. Return the section itself, as pydantic expects.
+        """
         sun, planet = spur_gear("sun", self.sun), spur_gear("planet", self.planet, self.sun)
         ring = spur_gear("ring", self.ring, self.sun, internal=True)
         with checks.below("", **self.option_keys()):
@@ -91,12 +96,15 @@ class PlanetarySet(_Set):
                 # Both meshes of a planet transmit the same force.
                 pinion_torque = sun_mesh_torque * mesh.pinion.teeth / sun.teeth
                 mesh_arguments["torque"] = pinion_torque
-                # Only the errors matter; they name the torque that the user gave.
+                # This call only raises errors, which name the sun torque that the user gave.
                 mesh.train_parameters(load_argument=("torque", torque, "N m"), **mesh_arguments)
         return self
 
     def arguments(self):
-        """Return the arguments of `planetary_set` as a dict, in which gears are dicts as well."""
+        """Return the arguments of `planetary_set` as a dict, in which gears are dicts as well.
+
+        The torque of the sun (N m) replaces the power and speed that may be given in its place.
+        """
         torque = rounded(torque_of(self.torque, self.power, self.speed))
         arguments = self.model_dump(exclude={"power", "speed", "stiffness_options"})
         return arguments | self.stiffness_arguments() | {"torque": torque}
@@ -179,7 +187,11 @@ class Own(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if a gear given by geometry or a mesh is impossible."""
+        """Raise ValueError if a gear given by geometry, or a mesh of the train, is impossible.
+
+        A mesh of two such gears is computed, to see whether it is possible. Any other mesh must
+        state its own stiffness.
+        """
         keys, gears = {}, {}
         for i, body in enumerate(self.bodies):
             if body.gear:
@@ -191,22 +203,24 @@ class Own(Section):
             if mesh.max_stiffness is not None or not {pinion, wheel} <= gears.keys():
                 _check_mesh_without_geometry(key, mesh)
                 continue
-            # The keys of the stiffness method have other names as arguments, and are added below.
+            # The keys of the stiffness method differ from the names of the arguments, so that
+            # `stiffness_arguments` adds them below.
             arguments = mesh.model_dump(include=GEOMETRY_KEYS - MethodSection.model_fields.keys())
             distance = arguments.pop("centre_distance", None)
             arguments = _rectangle(arguments | mesh.stiffness_arguments())
+            # Names in errors -> keys of the configuration.
             places = {"pinion": keys[pinion], "wheel": keys[wheel]} | mesh.option_keys(f"{key}.")
             places["outer_diameter"] = f"{keys[wheel]}.outer_diameter"
             with checks.below(key, **places):
-                # Only the errors matter, because the train computes the parameters again.
+                # This call only raises errors; the train computes the parameters again.
                 GearStage(gears[pinion], gears[wheel], distance).train_parameters(**arguments)
         return self
 
 
 def _check_mesh_without_geometry(mesh_key: str, mesh: Any) -> None:
-    """Raise ValueError if a mesh lacks its stiffness, or has keys that need the geometry of gears.
+    """Raise ValueError if a mesh lacks its stiffness, or has keys that need gear geometry.
 
-    `mesh_key` is the config key of the section `mesh`.
+    `mesh_key` is the place of the section `mesh` in the configuration, for error messages.
     """
     for key in ("max_stiffness", "stiffness_ratio", "contact_ratio"):
         if getattr(mesh, key) is None:
@@ -215,7 +229,7 @@ def _check_mesh_without_geometry(mesh_key: str, mesh: Any) -> None:
     allowed = "left out where the stiffness is given or a gear has no geometry"
     geometry_values = mesh.model_dump(include=GEOMETRY_KEYS - {"material_damping"})
     for key, value in geometry_values.items():
-        # The first value is refused.
+        # No such key is allowed, and the error names the first one.
         raise checks.refusal(f"{mesh_key}.{key}", value, allowed)
 
 
@@ -246,9 +260,10 @@ class Train(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise an error if the section of the train's kind is missing or lacks its parts.
+        """Raise an error if the section that describes the train is missing or lacks its parts.
 
-        The kind "own" is a train of the user's bodies and meshes.
+        `kind` is the name of this section. The kind "own" is a train of the user's own bodies and
+        meshes, of which there must be at least one each.
         """
         if self.kind == "planetary_set" and self.planetary_set is None:
             raise self.missing("planetary_set")
@@ -259,9 +274,10 @@ class Train(Section):
         return self
 
     def description(self):
-        """Return a dict with `kind`, and `arguments` of the function or class for this kind.
+        """Return a dict with the `kind` of the train and the `arguments` that build it.
 
-        Among them are the name of the reference mesh and the reference frequency, Hz, if given.
+        They are the arguments of the function or class for this kind. Among them are the name of
+        the reference mesh, which sets the scales, and the reference frequency, Hz, if given.
         """
         section = getattr(self, self.kind)
         arguments = section.arguments() if self.kind == "planetary_set" else section.model_dump()
@@ -325,7 +341,11 @@ class Reducer(t.IncreasingStarts, grid_base(0.74, 1.84, 0.02, t.NumericGrid), t.
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if the two stages have different centre distances."""
+        """Raise ValueError if the two stages have different centre distances.
+
+        The satellites turn about one axis, so that both gears of a satellite need the same
+        distance.
+        """
         teeth, (first_module, second_module) = self.teeth, self.modules
         first_distance = first_module * (teeth[0] + teeth[1]) / 2.0
         second_distance = second_module * (teeth[2] + teeth[3]) / 2.0

@@ -41,10 +41,11 @@ _T = TypeVar("_T")
 
 
 def field(description, default=..., **constraints):
-    """Return the pydantic field of a config key.
+    """Return the pydantic field of a configuration key, with its description and default.
 
     Without a `default` the key is required; with None it may be missing. Other defaults are
-    validated like values of a file. `constraints` are other arguments of `pydantic.Field`.
+    validated like values of a file. `constraints` are further arguments of `pydantic.Field`, such
+    as min_length.
     """
     validate = default not in (..., None)
     return Field(default=default, description=description, validate_default=validate, **constraints)
@@ -55,9 +56,10 @@ SECTION: Any = Field(default={}, validate_default=True)
 
 
 def check_unique(list_key, sections, attribute):
-    """Raise an error if two sections of the list `list_key` have the same value of an attribute.
+    """Raise an error if two sections of a list have the same value of an attribute.
 
-    `attribute` is its name, such as "title".
+    `list_key` is the key of the list in the configuration, `sections` are its entries, and
+    `attribute` is a name such as "title".
     """
     values = [getattr(section, attribute) for section in sections]
     for i, value in enumerate(values):
@@ -66,9 +68,11 @@ def check_unique(list_key, sections, attribute):
 
 
 def _read_option(value):
-    """Return the value of a method's option as boolean, number or text.
+    """Return an option of an integration method as a boolean, a number or a string.
 
-    Texts that spell a number, true or false are converted. Raise ValueError for other types.
+    `value` comes from a YAML file, where strings may spell a number, true or false; these are
+    converted. Raise ValueError for other types, without a message, because pydantic makes one from
+    the type of the key.
     """
     if isinstance(value, str):
         if re.fullmatch(r"[-+]?\d+", value):
@@ -82,7 +86,10 @@ def _read_option(value):
 
 
 def _read_amount(value):
-    """Return a number or a text such as "5 %", or raise ValueError for other values."""
+    """Return a number or a string such as "5 %", or raise ValueError for other values.
+
+    Strings that spell a number are converted.
+    """
     value = _read_option(value)
     if isinstance(value, bool):
         raise ValueError
@@ -104,11 +111,12 @@ def from_context(info, key):
 
 
 def _require_known_damping(name, info):
-    """Return `name` if a damping has this name, else raise an error.
+    """Return `name` if a damping combination has this name, else raise an error.
 
-    `info` has the validation context with the dampings.
+    `info` has the context of the validation with the damping combinations by name.
     """
-    # If the dampings are not valid, another error reports them, and each name is accepted.
+    # If the damping combinations are not valid, an error of their own section says so. Each name is
+    # accepted here, to raise no second error.
     names = from_context(info, "dampings") or [name]
     require(name in names, "", name, f"one of {', '.join(names)}")
     return name
@@ -117,7 +125,8 @@ def _require_known_damping(name, info):
 def _read_tuning(value, info):
     """Return a speed such as "1500 rpm" as a tuning; return other values unchanged.
 
-    `info` has the validation context with the gear pair.
+    A tuning is the mesh frequency over the natural frequency of the gear pair. `info` has the
+    context of the validation with this pair.
     """
     rpm = units.rpm(value)
     if rpm is None:
@@ -127,12 +136,13 @@ def _read_tuning(value, info):
 
 
 def tuning_per_rpm(pair, change=None):
-    """Return the tuning of a gear pair at 1 rpm of the pinion.
+    """Return the tuning of a gear pair at a pinion speed of 1 rpm.
 
-    `pair` is a `GearPairSection`, `change` a section with other values of its parameters, or None.
+    A tuning is the mesh frequency over the mean natural frequency of the pair, a `GearPairSection`.
+    `change` is a section with other values for some parameters of the pair, or None.
     """
     if pair is None:
-        return 1e-4  # Another error reports the invalid pair, so that any number serves.
+        return 1e-4  # An invalid pair has an error of its own, so that any number serves here.
     pair = pair.model_copy(update=change.model_dump()) if change else pair
     return 2.0 * math.pi * pair.teeth / (60.0 * pair.mean_eigenfrequency)
 
@@ -140,8 +150,8 @@ def tuning_per_rpm(pair, change=None):
 def quantity(unit, example="", infinite="", **bounds):
     """Return the type of a number in the SI unit `unit`, with bounds such as gt=0.
 
-    `example` is a value in another unit, for error messages. `infinite` says what infinity means,
-    "" if it is not allowed.
+    Error messages use `example`, a value in another unit. `infinite` says what an infinite value
+    means; if it is "", infinity is not allowed.
     """
     limits = [_BOUNDS[name](bound) for name, bound in bounds.items()]
     return Annotated[(float, *limits, Unit(unit, example, infinite))]
@@ -153,7 +163,10 @@ def number(**bounds):
 
 
 def integer(minimum, maximum=None):
-    """Return the type of an integer from `minimum` to `maximum`, both included; None: no limit."""
+    """Return the type of an integer from `minimum` to `maximum`, both included.
+
+    None as `maximum` means that there is no upper limit.
+    """
     limits = [Ge(minimum)]
     if maximum is not None:
         limits.append(Le(maximum))
@@ -161,18 +174,20 @@ def integer(minimum, maximum=None):
 
 
 def text(words, **constraints):
-    """Return the type of a text; `words` describe the allowed texts in error messages.
+    """Return the type of a string for a configuration key.
 
-    `constraints` are arguments of `pydantic.Field`, such as a pattern.
+    `words` describe the allowed strings in error messages, and `constraints` are arguments of
+    `pydantic.Field`, such as a pattern.
     """
     return Annotated[str, Allowed(words), Field(**constraints)]
 
 
 def custom_type(read, json_types, words):
-    """Return the type of values that the function `read` converts, or refuses by ValueError.
+    """Return the type of values that a function checks and converts.
 
-    `json_types` are the types of the values in the JSON schema; `words` describe the allowed values
-    in error messages.
+    The function `read` returns the converted value, or raises ValueError. `json_types` are names of
+    the types that the JSON schema allows, and `words` describe the allowed values in error
+    messages.
     """
     return Annotated[
         Any, PlainValidator(read), Allowed(words), WithJsonSchema({"type": json_types})
@@ -228,7 +243,7 @@ class Section(pydantic.BaseModel):
         return super().model_dump(exclude_none=True, **options)
 
     def missing(self, key):
-        """Return the error that says that `key` is missing, and which values are allowed."""
+        """Return an error which says that `key` is missing, and which values are allowed."""
         annotation = parameters.place_of(type(self), (key,))[1]
         return refusal(key, None, parameters.requirement(annotation, in_file=True))
 
@@ -236,12 +251,13 @@ class Section(pydantic.BaseModel):
 def create_section(
     name, doc, constructor, *keys, base=Section, exclude=(), required=(), optional=(), **extra
 ):
-    """Return a section class with a key for each declared parameter of `constructor`.
+    """Return a section class with a key for each declared parameter of a constructor.
 
-    `constructor` is a class or function. If `keys` are given, only these parameters get a key;
-    parameters in `exclude` get none. Keys in `required` must be given although they have a default,
-    keys in `optional` may be missing although they have no default. The class has the name `name`,
-    the docstring `doc`, the base class `base` and the `extra` keys, each a pair (type, field).
+    `constructor` is a class or function whose annotations have types and descriptions. If `keys`
+    are given, only these parameters get a key; parameters in `exclude` get none. Keys in `required`
+    must be given although they have a default, keys in `optional` may be missing although they have
+    no default. The class has the name `name`, the docstring `doc`, the base class `base` and the
+    `extra` keys, each a pair (type, field).
     """
     fields = {}
     for key, parameter in parameters.declared_parameters(constructor).items():
@@ -252,9 +268,10 @@ def create_section(
         default, options = parameter.default, {}
         is_required = key in required or (default is parameters.MISSING and key not in optional)
         values = list(default) if isinstance(default, tuple) else [default]
+        # The schema cannot show a default that is a part of a model, such as a tip relief.
         has_parts = any(map(dataclasses.is_dataclass, values))
         if not (has_parts or is_required or key in optional or NO_VALUES & {*values}):
-            # Only the schema has the default, because the constructor itself applies it.
+            # The constructor applies the default, so that only the schema needs to show it.
             default = values if isinstance(default, tuple) else default
             options = {"json_schema_extra": {"default": default}}
         definition = field(parameter.description, ... if is_required else None, **options)
@@ -264,7 +281,10 @@ def create_section(
 
 @cache
 def _section_of(part):
-    """Return the section class for a part of a model, a class such as `TipRelief`."""
+    """Return the section class for a class whose objects are parts of a model.
+
+    Such a part is a `TipRelief`, for example.
+    """
     return create_section(f"{part.__name__}Section", inspect.getdoc(part).partition("\n")[0], part)
 
 
@@ -272,7 +292,11 @@ PositiveDamping = quantity("N s/m", "3.95 N s/mm", gt=0)
 
 
 def tuning(**bounds):
-    """Return the type of a tuning of the gear pair, or a speed, with bounds such as gt=0."""
+    """Return the type of a tuning of the gear pair, with bounds such as gt=0.
+
+    A tuning is the mesh frequency over the natural frequency. A file may have a speed such as "1500
+    rpm" in its place, which is converted.
+    """
     words = f"{parameters.requirement(number(**bounds))} or a speed such as '1500 rpm'"
     schema = {"type": ["number", "string"], "pattern": f"^{units.RPM.pattern}$"}
     return Annotated[
@@ -316,13 +340,15 @@ class NumericGrid(Section):
 
     @pydantic.model_validator(mode="after")
     def _check_grid(self):
+        """Raise ValueError unless the range of tunings is a whole multiple of the step."""
         self.check_steps("step")
         return self
 
     def check_steps(self, step_key, max_tunings=MAX_JOBS):
         """Raise ValueError if a step is too small or does not divide the range of tunings.
 
-        `step_key` is the key of the step; more than `max_tunings` tunings are not allowed.
+        The range goes from `start` to `stop` of this section. `step_key` is the key of the step;
+        more than `max_tunings` tunings are not allowed.
         """
         step, tuning_range = getattr(self, step_key), self.stop - self.start
         step_count = tunings.steps(self.start, self.stop, step)
@@ -342,17 +368,20 @@ class Grid(NumericGrid):
     @pydantic.model_validator(mode="before")
     @classmethod
     def _read_speeds(cls, values, info):
-        """Return the section with speeds converted to tunings.
+        """Return the content of a section with speeds in rpm converted to tunings.
 
-        `values` is the content of the section in the file, in which all keys of the grid or none
-        are in rpm; `info` has the validation context with the gear pair. The range of tunings is a
-        whole multiple of its step, like the range of speeds.
+        A tuning is the mesh frequency over the natural frequency. `values` is the content in the
+        file, in which either all keys of the grid or none are in rpm; `info` has the context of the
+        validation with the gear pair. The converted range is a whole multiple of its step, like the
+        range of speeds.
         """
         keys = ("start", "stop", "step", "window", "fine_step", "share_step")
         section = dict(values) if isinstance(values, dict) else {}
+        # None stands for a value that is not in rpm.
         speeds = {key: units.rpm(section[key]) for key in keys if key in section}
         if {*speeds.values()} <= {None}:
             return values
+        # Start, stop and step are needed in rpm as well, even where the file leaves them out.
         for key in (*keys[:3], *speeds):
             if speeds.get(key) is None:
                 raise refusal(
@@ -363,7 +392,8 @@ class Grid(NumericGrid):
         is_valid = stop < _MAX_RPM and 0 < step_count < _MAX_STEPS and step_count % 1 == 0
         allowed = f"start = {section['start']!r} plus a whole multiple of step = "
         require(is_valid, "stop", section["stop"], f"{allowed}{section['step']!r}")
-        # All values follow from the rounded start and step, and stay whole multiples of the step.
+        # Start and step are rounded to decimals. All other values are computed from these two, so
+        # that they stay whole multiples of the step.
         factor = Decimal(tuning_per_rpm(from_context(info, "pair")))
         first_tuning = (factor * start).quantize(_TUNING_RESOLUTION)
         tuning_step = (factor * step).quantize(_TUNING_RESOLUTION)
@@ -375,7 +405,8 @@ class Grid(NumericGrid):
 def grid_base(start, stop, step, base=Grid):
     """Return a base class of sections with a grid of tunings, which has these defaults.
 
-    It is derived from `base`: `Grid`, or `NumericGrid` if tunings must be numbers.
+    `start`, `stop` and `step` define the grid. The class is derived from `base`: `Grid`, in which
+    tunings may be given as speeds in rpm, or `NumericGrid`, in which they must be numbers.
     """
     types = (NumericStart, NumericStop, NumericStep) if base is NumericGrid else (Start, Stop, Step)
     fields = {"start": (types[0], start), "stop": (types[1], stop), "step": (types[2], step)}
@@ -390,7 +421,10 @@ class RecordedPeriods(Section):
 
     @pydantic.model_validator(mode="after")
     def _check_record(self):
-        """Raise ValueError if more mesh periods are recorded than computed."""
+        """Raise ValueError if more mesh periods are recorded than a run has.
+
+        The recorded periods are the last ones of a run, which are evaluated.
+        """
         recorded, allowed = self.record_periods, f"an integer from 1 to periods = {self.periods}"
         require(recorded <= self.periods, "record_periods", recorded, allowed)
         return self

@@ -18,17 +18,18 @@ _MAX_CHARACTERS, _MAX_SECTIONS = 60, 3
 
 
 def sentences(error: ValidationError, root: type, content: Any) -> list[str]:
-    """Return a sentence for each problem that pydantic found in the `content` of a YAML file.
+    """Return a sentence for each problem that pydantic found in the content of a YAML file.
 
-    `root` is the section class of the whole content.
+    `error` has the problems, and `root` is the section class of the whole `content`.
     """
     return [_sentence(details, root, content) for details in error.errors(include_url=False)]
 
 
 def _sentence(details: Any, root: type, content: Any) -> str:
-    """Return the sentence about one of pydantic's errors.
+    """Return a sentence about one problem that pydantic found: key, value, allowed values.
 
-    `details` is an entry of `ValidationError.errors`; `root` and `content` as in `sentences`.
+    `details` is an entry of `ValidationError.errors`, a dict with the place ("loc") and the kind
+    ("type") of the problem. `root` is the section class of the whole `content` of the YAML file.
     """
     location, kind = details["loc"], details["type"]
     cause = details.get("ctx", {}).get("error")
@@ -38,7 +39,7 @@ def _sentence(details: Any, root: type, content: Any) -> str:
     if location[-1:] == ("[key]",) or kind == "invalid_key":
         mapping = parameters.place_of(root, names[:-1])[1]
         return _wrong_name(mapping, (*names[:-1], details["input"]), cause)
-    if kind == "extra_forbidden":
+    if kind == "extra_forbidden":  # pydantic's name for an unknown key
         return unknown_key(root, annotation, (*path, names[-1]), details["input"])
     if kind.startswith("union_tag"):  # the key that chooses among several sections
         sections = get_args(parameters.parts(annotation)[0])
@@ -49,6 +50,7 @@ def _sentence(details: Any, root: type, content: Any) -> str:
         return sentence(cause, key, content)
     if cause is not None and str(cause):
         return f"{key}: {cause}" if key else str(cause)
+    # Other problems are described by the allowed values of the type.
     allowed = parameters.requirement(annotation, in_file=True)
     if kind == "missing":
         return f"{key} is missing: it must be {allowed}"
@@ -60,8 +62,9 @@ def _sentence(details: Any, root: type, content: Any) -> str:
 def sentence(error: InputError, section: str, content: Any) -> str:
     """Return the sentence about an error in a section of a file, such as "gears.wheel".
 
-    The path of the error is relative to the section. The sentence quotes the value in the `content`
-    of the file; a value that is not in the file is rounded to six digits.
+    The path in the error is relative to the `section`. The sentence quotes the value as the
+    `content` of the file has it. A value that is not in the file was computed, and is rounded to
+    six digits.
     """
     separator = "." if section and error.path and not error.path.startswith("[") else ""
     path = f"{section}{separator}{error.path}"
@@ -77,7 +80,7 @@ def sentence(error: InputError, section: str, content: Any) -> str:
 
 
 def _value_at(content: Any, path: Any, default: Any) -> Any:
-    """Return the value at a path of names and indices in nested mappings and lists.
+    """Return the value at a path of names and indices in nested dicts and lists.
 
     If the content has no such path, return `default`.
     """
@@ -92,9 +95,10 @@ def _value_at(content: Any, path: Any, default: Any) -> Any:
 
 
 def _hint(value: Any, annotation: Any) -> str:
-    """Return a hint such as "; did you mean 3 mm?" for a wrong value, "" if there is none.
+    """Return a hint for a wrong value, such as "; did you mean 3 mm?", or "" if there is none.
 
-    `annotation` is the type of the value, which has its choices or its unit.
+    `annotation` is the type of the value. The hint is the most similar of its choices, if it has
+    any, or the value with a suitable unit.
     """
     choices = [str(choice) for choice in get_args(parameters.parts(annotation)[0])]
     similar = difflib.get_close_matches(str(value), choices, 1)
@@ -102,9 +106,10 @@ def _hint(value: Any, annotation: Any) -> str:
 
 
 def _wrong_name(mapping: Any, path: tuple, cause: Any) -> str:
-    """Return the sentence about a name, the end of `path`, that a mapping may not have.
+    """Return the sentence about a name that is not allowed in a mapping, such as "4".
 
-    `mapping` is the type of the mapping, `cause` the error of the name, if it has one.
+    The name is the last entry of `path`. `mapping` is the type of the mapping, and `cause` the
+    exception that the check of the name has raised, or None.
     """
     if not isinstance(path[-1], str):
         # YAML reads the keys ``4:``, ``on:`` and ``null:`` as a number, a boolean and null.
@@ -118,10 +123,11 @@ def _wrong_name(mapping: Any, path: tuple, cause: Any) -> str:
 
 
 def unknown_key(root: type, section: Any, path: tuple, value: Any) -> str:
-    """Return the sentence about an unknown key, with a similar key or the sections that have it.
+    """Return the sentence about an unknown key, with advice on the key that may be meant.
 
-    The key is the end of `path`; `value` is its value, `section` the type of its section, `root`
-    the class of the whole configuration.
+    The key is the last entry of `path` and has the value `value`; `section` is the type of its
+    section, `root` the class of the whole configuration. The advice is a similar key of the
+    section, or other sections with such a key, or a list of the keys of the section.
     """
     fields, key = parameters.parts(section)[0].__pydantic_fields__, str(path[-1])
     similar_names = difflib.get_close_matches(key, fields, 1)
@@ -137,9 +143,10 @@ def unknown_key(root: type, section: Any, path: tuple, value: Any) -> str:
 
 
 def _sections_with(key: str, annotation: Any, section: str = "") -> Iterator[str]:
-    """Yield the names of the sections that have `key`, in a type `annotation` and below it.
+    """Yield the names of the sections that have `key`, searching nested sections, too.
 
-    `section` is the name of the section of the annotation, "" for the whole configuration.
+    The search starts at the type `annotation` of the section with the name `section`, "" for the
+    whole configuration. In the names "<name>" stands for any name and "[i]" for any index.
     """
     base, _ = parameters.parts(annotation)
     if isinstance(base, type) and issubclass(base, BaseModel):
@@ -167,8 +174,12 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
     repetitions: list[str]  #: such as "teeth is given twice, again in line 4"
 
     def construct_mapping(self, node, deep=False):
-        """Return the dict of a YAML mapping, and note its repeated keys."""
-        # The validation of the configuration refuses keys that are not scalars.
+        """Return the dict of a YAML mapping, and note the keys that it repeats.
+
+        PyYAML itself keeps the last value of such a key without an error. `node` and `deep` are the
+        arguments of its method of this name.
+        """
+        # Keys that are lists or mappings are skipped; the validation refuses them later.
         keys = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         for i, key in enumerate(keys):
             if any(key.value == earlier.value for earlier in keys[:i]):
@@ -178,9 +189,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
 
 
 def read_yaml(path):
-    """Return the mapping in a YAML file, and a list with an error message for each repeated key.
+    """Return the dict in a YAML file, and a list with an error message for each repeated key.
 
-    Raise ValueError, which names file and line, if the file cannot be read or has no mapping.
+    Raise ValueError, which names file and line, if the file cannot be read or contains no mapping.
     """
     try:
         with open(path, encoding="utf-8") as file:
@@ -203,7 +214,10 @@ def read_yaml(path):
 
 
 def _position_and_problem(error):
-    """Return line and column of an error of the YAML parser, and its message, as one text."""
+    """Return the position and the message of an error of the YAML parser as text.
+
+    The text starts with line and column, if they are known, and may end with a hint.
+    """
     mark = getattr(error, "problem_mark", None)
     position = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
     messages = [getattr(error, "context", None), getattr(error, "problem", None)]
