@@ -50,11 +50,13 @@ class MeshEquation:
     def __init__(
         self, model: Any, tuning, harmonics: int, samples=None, period: int = 1, added_damping=0.0
     ):
-        """Set up the equation for motions with h = `harmonics` and a `period` in mesh periods.
+        """Set up the equation of a gear pair for motions with h harmonics and a given period.
 
-        `samples` is the number of grid points over the period, by default a power of two, at least
-        16 per harmonic. `added_damping` is added to the coefficient of dx/dtau of the model, with
-        and without contact.
+        `model` is a `GearPair` or `OneDegreePair`, `tuning` the mesh frequency over the natural
+        frequency, h = `harmonics` the highest harmonic and `period` the number of mesh periods
+        after which the motion repeats. `samples` is the number of grid points over the period, by
+        default a power of two, at least 16 per harmonic. `added_damping` is added to the
+        coefficient of dx/dtau of the model (tau is the mesh phase), with and without contact.
         """
         self.model, self.tuning = model, tuning
         self.harmonics, self.period = harmonics, period
@@ -68,6 +70,7 @@ class MeshEquation:
         #: Orders of the harmonics in the mesh phase: k / period.
         self.orders = np.arange(harmonics + 1) / period
         self.excitation = np.zeros(harmonics + 1, complex)
+        # A cosine and a sine amplitude form the complex coefficient (cosine - i sine) / 2.
         for order, cosine, sine in mesh.force_harmonics:
             k = int(order) * period
             if k <= harmonics:
@@ -82,7 +85,11 @@ class MeshEquation:
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """Mesh stiffness c / nu^2 on the grid, of the harmonics that the grid can represent."""
+        """Mesh stiffness c / nu^2 at the grid points over the period, shape (samples,).
+
+        c is relative to its mean, and nu is the tuning, mesh frequency over natural frequency. The
+        stiffness is a truncated Fourier series with all harmonics that the grid can represent.
+        """
         spectrum = np.zeros(self.samples // 2 + 1, complex)
         highest = (self.samples - 1) // 2 // self.period
         coefficients = _stiffness_coefficients(self.mesh, highest)
@@ -102,11 +109,17 @@ class MeshEquation:
         return self.to_grid(coefficients), self.to_grid(1j * self.orders * coefficients)
 
     def force(self, coefficients: np.ndarray) -> Force:
-        """Return mesh and damping `Force` on the grid from the harmonics of a motion, (h + 1,)."""
+        """Evaluate the mesh and damping forces of a motion, and their derivatives, on the grid.
+
+        `coefficients` are the complex harmonics of the motion, shape (h + 1,). The result is a
+        `Force`, arrays over the grid of phases.
+        """
         mesh = self.mesh
         x, v = self.motion(coefficients)
         step = 2.0 * np.pi * self.period / self.samples
         coast_deflection = -(x + mesh.backlash_ratio)  # positive in coast-side contact
+        # The rows for the two flanks are added: the drive flank touches where x > 0, the coast
+        # flank where x is below minus the backlash.
         contact = _contact(x, v, step) + _COAST_SIGNS * _contact(coast_deflection, -v, step)
         # The suffixes _x and _v denote derivatives with respect to displacement and velocity.
         fraction, fraction_x, fraction_v, deflection, deflection_x, deflection_v = contact
@@ -129,12 +142,12 @@ class MeshEquation:
         )
 
     def variational_coefficients(self, coefficients: np.ndarray) -> tuple:
-        """Return the coefficients of the variational equation of a motion on the grid, (a, h, b).
+        """Return the coefficients (a, h, b) of the variational equation of a motion on the grid.
 
-        Perturbations y of the motion with the given harmonics obey y'' + a y' + (h y)' + b y = 0.
-        Damping that jumps at a flank line would add an impulse to b where y' jumps, a product that
-        no grid can represent. Let j(v) = p(v) v be the jump of the damping force and H the contact,
-        1 or 0: the identity
+        Small perturbations y of the motion, whose complex harmonics are `coefficients`, obey
+        y'' + a y' + (h y)' + b y = 0. If the damping jumps where the flanks meet, b would have an
+        impulse where y' jumps, a product that no grid can represent. Let j(v) = p(v) v be the jump
+        of the damping force, j_v its derivative, and H the contact, 1 or 0. The identity
 
             H' j y / v + H j_v y' = (H p y)' - H p' y + H (j_v - p) y'
 
@@ -153,26 +166,26 @@ class MeshEquation:
         return a, h, b
 
     def residual(self, coefficients: np.ndarray, force: Force) -> np.ndarray:
-        """Return the harmonics of the residual x'' + f - e, shape (h + 1,).
+        """Return the harmonics of the residual x'' + f - e of the equation, shape (h + 1,).
 
-        `coefficients` are the harmonics of the motion x, `force` is the force f along it; e is the
-        excitation.
+        `coefficients` are the complex harmonics of the motion x, `force` is the mesh and damping
+        force f along this motion, and e is the excitation, a constant load or also harmonics.
         """
         inertia = -(self.orders**2) * coefficients
         return inertia + self.to_harmonics(force.value) - self.excitation
 
     def max_residual(self, residual: np.ndarray) -> float:
-        """Return the largest residual over the period, relative to the load.
+        """Return the largest absolute residual of the equation over the period, relative to the load.
 
-        `residual` holds its harmonics, shape (h + 1,).
+        `residual` has the complex harmonics of the residual, shape (h + 1,).
         """
         return float(np.abs(self.to_grid(residual)).max() / self.mean_stiffness)
 
     def jacobian(self, force: Force) -> np.ndarray:
-        """Return the derivatives of the residual by the harmonics, shape (2 h + 1, 2 h + 1).
+        """Return the Jacobian matrix of the residual by the harmonics, shape (2 h + 1, 2 h + 1).
 
-        `force` is the force along the motion. Rows and columns are the real and imaginary parts of
-        harmonics in the order of `real_vector`.
+        `force` is the force along the motion with its derivatives. Rows and columns are the real
+        parts of the harmonics 0 ... h, then the imaginary parts of 1 ... h.
         """
         k = np.arange(self.harmonics + 1)
         stiffness = np.fft.fft(force.stiffness + force.impulse, norm="forward")
@@ -184,18 +197,18 @@ class MeshEquation:
         direct = stiffness[differences] + damping[differences] * derivative
         direct -= np.diag(self.orders**2)
         conjugate = stiffness[sums] - damping[sums] * derivative
-        conjugate[:, 0] = 0.0
+        conjugate[:, 0] = 0.0  # the mean has no conjugate
         columns = np.hstack([direct + conjugate, 1j * (direct - conjugate)[:, 1:]])
         return real_vector(columns.T).T
 
     def amplification_bounds(self, force: Force) -> np.ndarray:
-        """Return bounds of the factors by which a fixed-point step changes errors, shape (h + 1,).
+        """Return upper bounds of the error factors of successive approximations, shape (h + 1,).
 
-        The step is the response of the oscillator with the mean stiffness, whose receptance is G,
-        to the excess n of the `force` along the motion over the force of the oscillator. With the
-        derivatives n_x and n_v by displacement and velocity the bound of harmonic k is |G_k| (sup
-        |n_x| + k sup |n_v|). Damping that jumps at a flank line only contributes to n_v. The bound
-        is infinite at resonance without damping.
+        A successive approximation is the response of the linear oscillator with the mean stiffness,
+        whose receptance is G, to the excess n of the `force` along the motion over the linear
+        force. With the derivatives n_x and n_v by displacement and velocity, it multiplies the
+        error of harmonic k by at most |G_k| (sup |n_x| + k sup |n_v|). A jump of the damping at the
+        flanks only contributes to n_v. The bound is infinite at resonance without damping.
         """
         excess_stiffness = np.abs(force.stiffness - self.mean_stiffness).max()
         excess_damping = np.abs(force.damping - self.damping).max()
@@ -205,20 +218,26 @@ class MeshEquation:
 
 
 def default_samples(harmonics: int) -> int:
-    """Return the default number of grid points for a highest harmonic.
+    """Return the default number of grid points over the period of a motion.
 
-    It is a power of two and at least 16 times the highest harmonic.
+    It is a power of two, for the FFT, and at least 16 times the highest harmonic, `harmonics`.
     """
     return 1 << int(np.ceil(np.log2(_DEFAULT_SAMPLES * max(harmonics, 1))))
 
 
 def real_vector(coefficients: np.ndarray) -> np.ndarray:
-    """Return the real parts of harmonics 0 ... h, then the imaginary parts of 1 ... h."""
+    """Return complex harmonics as real numbers: real parts of 0 ... h, imaginary parts of 1 ... h.
+
+    The last axis grows from h + 1 to 2 h + 1; the mean, harmonic 0, is real.
+    """
     return np.concatenate([coefficients.real, coefficients[..., 1:].imag], axis=-1)
 
 
 def from_real_vector(vector: np.ndarray) -> np.ndarray:
-    """Return complex harmonics from real parts of 0 ... h, then imaginary parts of 1 ... h."""
+    """Return complex harmonics 0 ... h from the real numbers of `real_vector`.
+
+    The last axis of `vector` has the real parts of 0 ... h, then the imaginary parts of 1 ... h.
+    """
     count = vector.shape[-1] // 2 + 1
     coefficients = vector[..., :count].astype(complex)
     coefficients[..., 1:] += 1j * vector[..., count:]
@@ -228,14 +247,16 @@ def from_real_vector(vector: np.ndarray) -> np.ndarray:
 def _contact(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
     """Return contact fraction and deflection of a flank at x = 0, with derivatives, shape (6, n).
 
-    x and v are the displacement and velocity at n grid points; the flank touches where x > 0.
-    `step` is the width of a grid cell in rad. The rows are the fraction of contact, its derivatives
-    by x and v, the deflection and its derivatives by x and v. The deflection is the mean over a
-    grid cell. The fraction is a mean over two cells with a triangular weight, so that the impulse
-    of its derivative has the right position between two grid points.
+    x and v are the displacement and velocity at n grid points; the flanks touch where x > 0, and
+    the deflection is then x. `step` is the width of a grid cell in rad, in which the motion counts
+    as linear. The rows are the fraction of the cell with contact, its derivatives by x and v, the
+    mean deflection in the cell and its derivatives by x and v. The fraction is a mean over two
+    cells with a triangular weight, so that the impulse of its derivative has the right position
+    between two grid points.
     """
     change = np.maximum(np.abs(v) * step, _MIN_CHANGE)  # of the displacement within a grid cell
     change_v = np.sign(v) * step
+    # Position of the grid point relative to the crossing, in cells; beyond one cell nothing changes.
     u = np.clip(x / change, -1.0, 1.0)
     fraction = np.where(u < 0.0, 0.5 * (1.0 + u) ** 2, 1.0 - 0.5 * (1.0 - u) ** 2)
     fraction_x = (1.0 - np.abs(u)) / change
@@ -248,9 +269,9 @@ def _contact(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
 
 
 def _damping(coefficients: np.ndarray, v: np.ndarray) -> tuple:
-    """Return (damping force d1 v + d2 |v| v + d3 v^3, its derivative by v) at velocities v.
+    """Return the damping force d1 v + d2 |v| v + d3 v^3 at velocities v, and its derivative by v.
 
-    `coefficients` are (d1, d2, d3).
+    `coefficients` are (d1, d2, d3), the coefficients of linear, quadratic and cubic damping.
     """
     d1, d2, d3 = coefficients
     speed = np.abs(v)
@@ -260,9 +281,10 @@ def _damping(coefficients: np.ndarray, v: np.ndarray) -> tuple:
 def _stiffness_coefficients(mesh: Any, highest: int) -> np.ndarray:
     """Return the exact complex Fourier coefficients 0 ... `highest` of a mesh stiffness c / nu^2.
 
-    The stiffness of the `NonlinearMesh` is the sum of a piecewise linear function of the phase and
-    of harmonics. The coefficients of the first follow from the jumps of value and slope between its
-    segments.
+    `mesh` is a `NonlinearMesh`, and nu is the tuning, mesh frequency over natural frequency. The
+    stiffness is the sum of a piecewise linear function of the mesh phase and of harmonics. The
+    coefficients of the piecewise linear function follow from the jumps of its value and its slope
+    between segments, by integration by parts.
     """
     n, phases = np.arange(1, highest + 1), mesh.segment_bounds
     lengths = np.diff(phases)

@@ -108,8 +108,9 @@ def harmonic_balance(
 def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> tuple:
     """Solve the mesh equation by damped Newton iteration from complex harmonics, shape (h + 1,).
 
-    A step is halved until the residual decreases. The iteration ends if the largest residual is
-    below the relative `tolerance`, or if no step decreases it. Return (harmonics of the last
+    `coefficients` are the harmonics of the first guess. A step is halved until the residual
+    decreases. The iteration ends if the largest residual, relative to the load, is below
+    `tolerance`, or if no step decreases it; the caller checks which. Return (harmonics of the last
     iterate, its largest residual, number of steps, number of evaluations of the force at a grid
     point).
     """
@@ -142,8 +143,9 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
 def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> float:
     """Return the residual, relative to the load, below which a motion counts as a solution.
 
-    It is `tolerance` times the load or the inertia force of the motion with the given harmonics,
-    whichever is larger.
+    It is `tolerance` times the load or the inertia force, whichever is larger, because rounding
+    errors are relative to the largest term of the equation. `coefficients` are the complex
+    harmonics of the motion.
     """
     inertia = np.abs(equation.orders**2 * coefficients).sum() / equation.mean_stiffness
     return tolerance * max(1.0, inertia)
@@ -152,8 +154,10 @@ def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: f
 def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquation:
     """Check the arguments of `harmonic_balance` and return their `MeshEquation`.
 
-    Raise ValueError if the model has several degrees of freedom, or if `harmonics` or `samples` is
-    too small; `samples` may be None.
+    `tuning` is the mesh frequency over the natural frequency, `harmonics` the highest harmonic,
+    `samples` the number of grid points over the period, or None for a default, and `period` the
+    number of mesh periods after which the motion repeats. Raise ValueError if the model has several
+    degrees of freedom, or if `harmonics` or `samples` is too small.
     """
     if not (is_model(model) and model.has_pair_equation):
         raise checks.refusal("model", model, "a GearPair or a OneDegreePair, one degree of freedom")
@@ -167,8 +171,9 @@ def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquatio
 def equation_sequence(equation: MeshEquation, guess: Any, tolerance: float) -> list:
     """Return the mesh equations to be solved in turn, as a list of (equation, tolerance).
 
-    Each starts from the solution of the previous one, and the given `equation` and `tolerance` come
-    last. If `guess` is None, equations with decreasing added damping and few harmonics precede it.
+    The solution of each is the initial guess for the next one. The given `equation` and `tolerance`
+    come last. If `guess` is None, equations with strong additional damping come first: they
+    converge from any guess. The damping then decreases to zero. They have fewer harmonics.
     """
     if guess is not None:
         return [(equation, tolerance)]
@@ -188,6 +193,7 @@ def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
     of phase over the period, or None for the static deflection. Raise ValueError for anything else.
     """
     if guess is None:
+        # The unit of displacement is the static deflection, so it is the mean 1.
         return resize_harmonics(np.ones(1, complex), equation)
     if isinstance(guess, PeriodicSolution):
         if guess.period != equation.period:
@@ -206,7 +212,10 @@ def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
 
 
 def resize_harmonics(coefficients: np.ndarray, equation: MeshEquation) -> np.ndarray:
-    """Return harmonics 0 ... h truncated, or padded with zeros, to the h of an equation."""
+    """Return complex harmonics with as many entries as an equation has harmonics.
+
+    Harmonics above the highest one of the `equation` are omitted, missing ones are zero.
+    """
     resized = np.zeros(equation.harmonics + 1, complex)
     count = min(coefficients.size, resized.size)
     resized[:count] = coefficients[:count]

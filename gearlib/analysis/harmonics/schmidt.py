@@ -74,7 +74,11 @@ class SchmidtSolution(PeriodicSolution):
         return sum(1 if k == 0 else 2 for k in self.degenerate)
 
     def _method_variables(self) -> dict:
-        """Return the dataset variables of this method as {name: value or (dims, values)}."""
+        """Return the additional dataset variables of this method, {name: value or (dims, values)}.
+
+        Degenerate harmonics are those found by Newton's method instead of successive
+        approximations.
+        """
         return {
             "converged": np.int8(self.converged),
             "degenerate": ("degenerate_harmonic", np.array(self.degenerate, np.int32)),
@@ -158,12 +162,13 @@ def iterate_until_converged(
 ) -> tuple:
     """Iterate E. Schmidt's method from complex harmonics, shape (h + 1,), until it converges.
 
-    Newton's method solves for the harmonics whose numbers are in the array `degenerate`, successive
-    approximations for the others. With `adapt_degenerate`, harmonics on which the approximations
-    may diverge are added to the former. The iteration has converged if the last change of either
-    part is at most `tolerance`, root mean square in static deflections. Return (harmonics of the
-    motion, numbers of the degenerate harmonics, whether the iteration converged, number of
-    applications of the integral operator, at most about `max_applications`).
+    `equation` is a `MeshEquation` and `coefficients` are the harmonics of the first guess. Newton's
+    method solves for the near-resonant harmonics, whose numbers are in the array `degenerate`, and
+    successive approximations for the others. With `adapt_degenerate`, harmonics on which the
+    approximations may diverge are added to the array. The iteration has converged if the last
+    change of either part is at most `tolerance`, root mean square in static deflections. Return
+    (harmonics of the motion, numbers of the degenerate harmonics, whether the iteration converged,
+    number of applications of the integral operator, at most about `max_applications`).
     """
     count = 0
     iterates = iterate(equation, coefficients, degenerate, tolerance)
@@ -174,6 +179,7 @@ def iterate_until_converged(
         if not _norm(coefficients) < _MAX_SIZE:
             break
         resonant = _resonant(equation, latest.force) if adapt_degenerate else degenerate
+        # New degenerate harmonics need a new iteration from the latest motion.
         if np.setdiff1d(resonant, degenerate).size:
             degenerate = np.union1d(degenerate, resonant)
             iterates = iterate(equation, coefficients, degenerate, tolerance)
@@ -195,10 +201,11 @@ class Iterate(NamedTuple):
 def iterate(equation: MeshEquation, coefficients, degenerate, tolerance) -> Iterator[Iterate]:
     """Yield `Iterate`s of E. Schmidt's method without end, from complex harmonics 0 ... h.
 
-    The remainder, that is all harmonics but the `degenerate` ones, is corrected by successive
-    approximations until its change is below `tolerance`, in static deflections, or small compared
-    with the residual of the `degenerate` harmonics. Then these take a Newton step. If their
-    residual is larger after the next corrections, the step is repeated with half its length.
+    `coefficients` are the harmonics of the first guess. All harmonics except those whose numbers
+    are in `degenerate` form the remainder. This is corrected by successive approximations until its
+    change is below `tolerance`, in static deflections, or small compared with the residual of the
+    equations of the degenerate harmonics. Then the latter take a Newton step. If their residual is
+    larger after the next corrections, the step is repeated with half its length.
     """
     receptance = _remainder_receptance(equation, degenerate)
     step_norm = np.inf if len(degenerate) else 0.0
@@ -228,9 +235,10 @@ def iterate(equation: MeshEquation, coefficients, degenerate, tolerance) -> Iter
 
 
 def _remainder_receptance(equation: MeshEquation, degenerate: np.ndarray) -> np.ndarray:
-    """Return the receptance of the remainder kernel for harmonics 0 ... h, shape (h + 1,).
+    """Return the receptance (displacement over force) of harmonics 0 ... h, shape (h + 1,).
 
-    It is 1 / dynamic stiffness, and zero for the harmonics whose numbers are in `degenerate`.
+    It is that of the linear oscillator with the mean stiffness, 1 / dynamic stiffness, but zero for
+    the harmonics whose numbers are in `degenerate`: Newton's method finds these instead.
     """
     receptance = np.zeros(equation.harmonics + 1, complex)
     remainder = np.delete(np.arange(receptance.size), degenerate)
@@ -241,9 +249,11 @@ def _remainder_receptance(equation: MeshEquation, degenerate: np.ndarray) -> np.
 def _newton_step(equation: MeshEquation, coefficients, degenerate, receptance) -> tuple:
     """Compute the Newton step for the degenerate harmonics of a motion.
 
-    The unknowns are the harmonics with numbers in `degenerate`. The other ones depend on them: they
-    respond to the change of the excess force with the `receptance` of `_remainder_receptance`.
-    Return (step of all harmonics 0 ... h, number of applications of the integral operator).
+    The unknowns are the harmonics with numbers in `degenerate`. The other harmonics, the remainder,
+    depend on them: they respond to the change of the excess force (the nonlinear part of the mesh
+    force) with the `receptance`, displacement over force, zero for the unknowns. `coefficients` are
+    all harmonics of the motion. Return (step of all harmonics 0 ... h, number of applications of
+    the integral operator).
     """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
@@ -265,26 +275,29 @@ def _newton_step(equation: MeshEquation, coefficients, degenerate, receptance) -
     residual_changes = equation.dynamic_stiffness * directions
     residual_changes += _excess_force_change(equation, force, directions)
     jacobian = real_vector(residual_changes)[:, unknowns].T
+    # Least squares also give a step if the matrix is singular.
     step = np.linalg.lstsq(jacobian, -real_vector(residual)[unknowns], rcond=None)[0]
     # One application for the residual, and for each unknown one per term and one for its column.
     return step @ directions, 1 + (terms + 1) * len(directions)
 
 
 def _excess_force(equation: MeshEquation, coefficients: np.ndarray, force: np.ndarray) -> Any:
-    """Return the harmonics 0 ... h of the excess of a force over its linear part.
+    """Return the harmonics 0 ... h of a force minus those of its linear part.
 
-    The linear part is the force of the oscillator with the mean stiffness at a motion with the
-    harmonics `coefficients`. `force` holds values on the grid of phases, shape (..., samples).
+    The linear part is the spring and damping force of the oscillator with the mean stiffness, for a
+    motion with the harmonics `coefficients`. `force` has the values of the total force on the grid
+    of phases, shape (..., samples).
     """
     linear = (equation.mean_stiffness + 1j * equation.damping * equation.orders) * coefficients
     return equation.to_harmonics(force) - linear
 
 
 def _excess_force_change(equation: MeshEquation, force: Force, changes: np.ndarray) -> np.ndarray:
-    """Return the linearised changes of `_excess_force` for `changes` of the motion.
+    """Return the linearised changes of the excess force for small `changes` of the motion.
 
-    Both have the shape (m, h + 1) or (h + 1,), the harmonics of each change. `force` is the force
-    along the motion with its derivatives.
+    The excess force is the force minus that of the linear oscillator with the mean stiffness. Both
+    changes have the shape (m, h + 1) or (h + 1,), the harmonics of m changes or of one. `force` is
+    the force along the motion with its derivatives by displacement and velocity.
     """
     x, v = equation.motion(changes)
     stiffness = force.stiffness + force.impulse
@@ -294,10 +307,11 @@ def _excess_force_change(equation: MeshEquation, force: Force, changes: np.ndarr
 def contraction_factor(equation: MeshEquation, coefficients, degenerate) -> float:
     """Return the factor by which a successive approximation changes errors of the remainder.
 
-    The approximations converge if it is below 1. It is the spectral radius of the map from a change
-    of the motion to the response of the remainder to the change of the excess force, which a power
-    iteration estimates to about one percent. `coefficients` are the harmonics of the motion,
-    `degenerate` the numbers of the harmonics that are not in the remainder.
+    The remainder is all harmonics of the motion except those with numbers in `degenerate`, which
+    are found by Newton's method. The approximations converge if the factor is below 1. It is the
+    spectral radius of a linear map: a change of the motion changes the excess force (the part of
+    the force beyond the linear oscillator), to which the remainder responds. A power iteration
+    estimates it to about one percent. `coefficients` are the harmonics of the motion.
     """
     force = equation.force(coefficients)
     receptance = _remainder_receptance(equation, degenerate)
@@ -321,8 +335,10 @@ _Harmonics = Annotated[tuple[WholeNumber, ...], Values()]
 def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
     """Check the argument `degenerate` of `schmidt`; return the sorted numbers of the harmonics.
 
-    It is a list of harmonics, the number of harmonics nearest to resonance, or "auto" for the
-    harmonics on which successive approximations may diverge at the static deflection.
+    Degenerate harmonics are those found by Newton's method. The argument is a list of their
+    numbers, or how many harmonics nearest to resonance to take, or "auto" for the harmonics for
+    which successive approximations may diverge, judged by the forces at the static deflection.
+    Raise ValueError if the argument is invalid.
     """
     if isinstance(degenerate, str):
         checks.one_of("degenerate", degenerate, ("auto",))
@@ -341,9 +357,10 @@ def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
 
 
 def _resonant(equation: MeshEquation, force: Force) -> np.ndarray:
-    """Return the numbers of the harmonics on which successive approximations may diverge.
+    """Return the numbers of the harmonics for which successive approximations may diverge.
 
-    `force` is the force along the motion.
+    These are harmonics whose error one approximation may reduce by less than half, by an upper
+    bound. `force` is the force along the motion with its derivatives.
     """
     return np.flatnonzero(equation.amplification_bounds(force) > _MAX_NORM)
 
@@ -358,10 +375,11 @@ def _norm(coefficients: np.ndarray) -> float:
 def _solution(equation, coefficients, degenerate, converged, iterations, evaluations) -> Any:
     """Return the last iterate of E. Schmidt's method as a `SchmidtSolution`.
 
-    `coefficients` are its harmonics, `degenerate` the numbers of the degenerate ones, `converged`
-    is the result of the iteration. `iterations` is the number of applications of the integral
-    operator, `evaluations` the number of evaluations of the force or its derivative at a grid
-    point. Multipliers and bounds are NaN if the motion exceeds _MAX_SIZE.
+    `coefficients` are its complex harmonics, `degenerate` are the numbers of the harmonics found by
+    Newton's method, and `converged` tells whether the iteration converged. `iterations` is the
+    number of applications of the integral operator, `evaluations` the number of evaluations of the
+    force or its derivative at a grid point. Floquet multipliers and convergence bounds are NaN if
+    the motion exceeds _MAX_SIZE, that is, if it has diverged.
     """
     force = equation.force(coefficients)
     multipliers, norm_bound, contraction = np.full(2, np.nan, complex), np.nan, np.nan

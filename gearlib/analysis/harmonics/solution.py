@@ -77,9 +77,11 @@ class PeriodicSolution:
         return np.array(self.at(0.0))
 
     def _one_sided_coefficients(self) -> tuple:
-        """Return the coefficients C_k of x = Re sum_k C_k exp(i k tau / period), then of dx/dtau.
+        """Return one-sided Fourier coefficients of the displacement and of the velocity.
 
-        Each of the two arrays has the shape (harmonics + 1,).
+        With the coefficients C_k, x = Re sum_k C_k exp(i k tau / period) over k >= 0; tau is the
+        mesh phase and the velocity is dx/dtau. Each of the two arrays has the shape (harmonics +
+        1,).
         """
         displacement = np.where(self.orders == 0.0, 1.0, 2.0) * self.coefficients
         return displacement, 1j * self.orders * displacement
@@ -92,7 +94,8 @@ class PeriodicSolution:
     def time_history(self, samples_per_period: int) -> tuple:
         """Return (displacement, dx/dtau) at equal steps of phase over the period of the motion.
 
-        `samples_per_period` is the number of steps in each mesh period.
+        tau is the mesh phase. `samples_per_period` is the number of steps in each mesh period; the
+        motion may repeat only after several of them.
         """
         points = samples_per_period * self.period
         # The inverse FFT needs more than two points per harmonic; surplus points are dropped.
@@ -103,10 +106,12 @@ class PeriodicSolution:
         )
 
     def crossings(self) -> tuple[np.ndarray, np.ndarray]:
-        """Find the phases at which the motion crosses a flank line.
+        """Find the phases at which contact of the flanks begins or ends.
 
-        Return (sorted phases in rad, shape (m,), contact codes before and after each crossing,
-        shape (m, 2)). Crossings are bracketed on a grid and refined by Newton's method; two
+        These are crossings of the flank lines, the displacements 0 and minus the backlash, at which
+        the flanks touch. Return (sorted mesh phases in rad, shape (m,), contact codes before and
+        after each crossing, shape (m, 2)); the codes are 1 for the drive side, 0 for no contact and
+        -1 for the coast side. Crossings are bracketed on a grid and refined by Newton's method; two
         crossings within the same grid cell are not detected.
         """
         x, _ = self.time_history(-(-default_samples(self.harmonics) // self.period))
@@ -115,6 +120,7 @@ class PeriodicSolution:
         # Displacement of each flank line, and contact codes of a downward crossing.
         flank_lines = ((0.0, (1, 0)), (-self.model.backlash_ratio, (0, -1)))
         for line, downward_codes in flank_lines:
+            # With infinite backlash there is no coast-side contact.
             if not np.isfinite(line):
                 continue
             is_above = x >= line
@@ -189,9 +195,10 @@ class Errors(NamedTuple):
 
 
 def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
-    """Return the `Errors` of a `PeriodicSolution` with respect to an exact `Orbit`.
+    """Return the largest differences of a `PeriodicSolution` from an exact periodic `orbit`.
 
-    By default, the orbit is computed by shooting from the state of the solution.
+    They are those of displacement, velocity, initial state, phases of contact events, and Floquet
+    multipliers. If `orbit` is None, it is computed by shooting from the state of the solution.
     """
     if orbit is None:
         orbit = periodic_orbit(
@@ -202,6 +209,7 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
     exact_x, exact_v, exact_phases, exact_codes = exact_motion(orbit, samples_per_period)
     x, v = solution.time_history(samples_per_period)
     phases, codes = solution.crossings()
+    # Phases can only be compared if the same events occur in the same order.
     event_error = np.nan
     if phases.size and np.array_equal(codes, exact_codes):
         event_error = float(np.abs(phases - exact_phases).max())
@@ -218,8 +226,10 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
 def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
     """Return (displacement, dx/dtau, phases of contact events, contact codes) of an exact `Orbit`.
 
-    Displacements and velocities cover the period with `samples_per_period` points in each mesh
-    period. The contact codes before and after each event have the shape (events, 2).
+    `orbit` is a result of shooting, with its initial state. Displacements and velocities cover its
+    period with `samples_per_period` points in each mesh period; phases are mesh phases tau in rad.
+    The contact codes (1 drive side, 0 none, -1 coast side) before and after each event have the
+    shape (events, 2).
     """
     run = simulate(
         orbit.model,
@@ -236,8 +246,10 @@ def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
 def hill_multipliers(equation: MeshEquation, coefficients: np.ndarray) -> np.ndarray:
     """Return the two Floquet multipliers of a motion by Hill's method, largest modulus first.
 
-    `coefficients` are the complex harmonics of the motion, shape (h + 1,). The exponents l of its
-    perturbations y follow from y'' + a y' + (h y)' + b y = 0.
+    `coefficients` are the complex harmonics of the motion, shape (h + 1,), and `equation` is the
+    mesh equation that it solves. Small perturbations y obey y'' + a y' + (h y)' + b y = 0 with
+    periodic a, h and b. With y = exp(l phase) times a Fourier series this is an eigenvalue problem
+    for the exponents l; the multipliers are exp(l times the period).
     """
     highest = min(equation.harmonics, _MAX_PERTURBATION_HARMONICS)
     k = np.arange(-highest, highest + 1)
@@ -250,6 +262,7 @@ def hill_multipliers(equation: MeshEquation, coefficients: np.ndarray) -> np.nda
     # By Liouville's formula the mean of the two exponents is minus half the mean damping. Their
     # aliases, which differ by i k / period, are farther away.
     mean_damping = np.mean(functions[0] + functions[1])
+    # The start vector favours the low harmonics, which dominate the two true eigenvectors.
     start = np.exp(-np.abs(np.tile(k, 2))).astype(complex)
     shift = -mean_damping / 2.0 + _SHIFT_OFFSET
     count = min(_EXPONENT_COUNT, 2 * k.size - 2)  # the limit of ARPACK

@@ -43,12 +43,14 @@ _DAMPING_RATIO_STEP = 1.25
 def tongues_of_one_degree(model: Any, start: float, stop: float) -> list:
     """Return the `Tongue`s of a linear `OneDegreePair` for tunings from `start` to `stop`.
 
-    A tongue is included if its gap, the interval of k = 1 / tuning with the trace |T| >= 2,
-    overlaps this range.
+    A tongue is an interval of tunings (mesh frequency over natural frequency) in which steady
+    contact is unstable. It is included if its gap overlaps this range; the gap is the interval of
+    k = 1 / tuning in which the undamped map over a mesh period has a trace |T| >= 2.
     """
     tongues = []
     for order, extrema in _trace_extrema(model, 1.0 / start):
         tongue, (low_k, high_k) = _gap_tongue(model, order, *extrema)
+        # Gaps come by increasing k, hence by decreasing tuning.
         if low_k > 1.0 / start:
             break
         if high_k >= 1.0 / stop:
@@ -59,7 +61,8 @@ def tongues_of_one_degree(model: Any, start: float, stop: float) -> list:
 def closing_damping(model: Any, tongue: Tongue) -> float:
     """Return the damping ratio above which a tongue of a `OneDegreePair` is closed.
 
-    It is 0 if the tongue is a point without damping.
+    A tongue is an interval of tunings with unstable steady contact; above this damping ratio it is
+    stable there. The result is 0 if the tongue has no width even without damping.
     """
     undamped = with_damping(model, 0.0)
     extrema = dict(_trace_extrema(undamped, 1.0 / tongue.peak))
@@ -70,7 +73,10 @@ def closing_damping(model: Any, tongue: Tongue) -> float:
         return 0.0
 
     def growth(damping: float) -> float:
-        """Return the largest logarithm of a multiplier in the tongue at a damping ratio."""
+        """Return the largest growth in the tongue at a damping ratio.
+
+        The growth is the logarithm of the largest Floquet multiplier over a mesh period.
+        """
         # Damping lowers the eigenfrequency, so that the extrema move to larger k.
         shift = 1.0 / math.sqrt(1.0 - damping * damping)
         damped = with_damping(model, damping)
@@ -87,15 +93,20 @@ def closing_damping(model: Any, tongue: Tongue) -> float:
 def closing_damping_of_six_degrees(model: Any, tongue: Tongue) -> float:
     """Return the damping ratio of the mesh above which a tongue of a `SixDegreePair` is closed.
 
-    The tongue is open while some tuning in it is unstable. With a multiplier 1 or -1 on the edges,
-    a tuning is unstable if det(M - multiplier I), which is zero on the edges, has the same sign as
-    inside the tongue of the model; with a complex pair, if the growth exceeds _MIN_GROWTH. Return
-    NaN if no damping ratio below 1 closes the tongue.
+    A tongue is an interval of tunings, and is open while steady contact is unstable at some of
+    them. If the monodromy matrix M has a multiplier 1 or -1 at the ends of the interval, a tuning
+    is unstable if det(M - multiplier I), which is zero at the ends, has the same sign as inside the
+    tongue of the given model. If it has a complex pair there, a tuning is unstable if perturbations
+    grow by more than _MIN_GROWTH per mesh period. Return NaN if no damping ratio below 1 closes the
+    tongue.
     """
     sign_inside = math.copysign(1.0, _characteristic(model, tongue.peak, tongue.multiplier))
 
     def largest_margin(damping: float) -> float:
-        """Return the largest margin of instability in the tongue at a damping ratio."""
+        """Return the largest `margin` of the tunings in the tongue at a damping ratio.
+
+        It is positive while the tongue is open.
+        """
         damped = with_damping(model, damping)
 
         def margin(tuning: float) -> float:
@@ -117,7 +128,10 @@ def closing_damping_of_six_degrees(model: Any, tongue: Tongue) -> float:
 
 
 def with_damping(model: Any, damping: float) -> Any:
-    """Return a copy of a model with another damping ratio of the mesh in contact."""
+    """Return a copy of a model with another damping ratio of the mesh in contact.
+
+    The material damping is the coefficient in N s/m that belongs to this ratio.
+    """
     material_damping = 2.0 * damping * model.reduced_mass * model.mean_eigenfrequency
     return model.replace(material_damping=material_damping)
 
@@ -125,7 +139,8 @@ def with_damping(model: Any, damping: float) -> Any:
 def _half_trace(model: Any, k: float, order: int) -> float:
     """Return (-1)^order T / 2 at the tuning 1 / k, which exceeds 1 in the gap of that order.
 
-    T is the trace of the linear map over one mesh period, divided by its decay due to damping.
+    T is the trace of the linear map of (displacement, velocity) over one mesh period without loss
+    of contact, divided by the decay due to damping. A gap is an interval of k with |T| >= 2.
     """
     inverse_decay = math.exp(2.0 * math.pi * model.damping_ratio * k)
     # The map is computed without excitation, which does not change its matrix.
@@ -135,9 +150,10 @@ def _half_trace(model: Any, k: float, order: int) -> float:
 
 
 def _trace_extremum(model: Any, order: int, low: float, high: float) -> float:
-    """Return the k = 1 / nu from `low` to `high` at which the trace T is extremal.
+    """Return the k = 1 / tuning from `low` to `high` at which the trace T is extremal.
 
-    `order` is the order of the gap that contains the only extremum between these values.
+    T is the trace of the undamped map over one mesh period. There is only one extremum between the
+    two values, in the gap (|T| >= 2) of the given `order`.
     """
     return meissner.maximum(lambda k: _half_trace(model, k, order), low, high)[1]
 
@@ -145,9 +161,10 @@ def _trace_extremum(model: Any, order: int, low: float, high: float) -> float:
 def _trace_extrema(model: Any, max_k: float) -> Iterator[tuple]:
     """Yield (order, extrema) of each gap up to k = `max_k` and of the next one.
 
-    The extrema are three values of k = 1 / nu at which the trace T is extremal: in the previous
-    gap, in this gap and in the next one. In place of a gap before the first one they have k = 0,
-    where T = 2.
+    A gap is an interval of k = 1 / tuning in which the undamped map over a mesh period has a trace
+    |T| >= 2; T has exactly one extremum in each gap. The extrema are three values of k: in the
+    previous gap, in this gap and in the next one. For the first gap the previous value is k = 0,
+    where T = 2. The extrema are found by a scan over k.
     """
     allowed = "< 1 for a stiffness that is not rectangular"
     checks.require(model.damping_ratio < 1.0, "damping_ratio", model.damping_ratio, allowed)
@@ -158,6 +175,7 @@ def _trace_extrema(model: Any, max_k: float) -> Iterator[tuple]:
     k = 2.0 * _SCAN_STEP
     while True:
         value3, sign = _half_trace(model, k, order=0), (-1) ** order
+        # Maxima of T alternate with minima: gap n has a maximum of (-1)^n T.
         if sign * (value2 - value1) > 0.0 >= sign * (value3 - value2):
             extrema.append(_trace_extremum(model, order, k - 2.0 * _SCAN_STEP, k))
             if order > 1:
@@ -171,9 +189,10 @@ def _trace_extrema(model: Any, max_k: float) -> Iterator[tuple]:
 def _gap_tongue(model: Any, order: int, before: float, middle: float, after: float) -> tuple:
     """Return (`Tongue` of an order, ends (low, high) of its gap) of a `OneDegreePair`.
 
-    The gap is the interval of k = 1 / nu with |T| >= 2 around the extremum `middle` of the trace T;
-    its ends lie between the neighbouring extrema `before` and `after`. They are equal if the gap is
-    too narrow for the rounding errors of T.
+    T is the trace of the undamped map over a mesh period. The gap is the interval of k = 1 / tuning
+    with |T| >= 2 around the extremum `middle` of T; its ends lie between the neighbouring extrema
+    `before` and `after`. They are equal if the gap is too narrow for the rounding errors of T. The
+    tongue is the interval of tunings in the gap in which perturbations grow in spite of damping.
     """
 
     def excess(k: float) -> float:
@@ -195,10 +214,12 @@ def _gap_tongue(model: Any, order: int, before: float, middle: float, after: flo
 def tongues_of_several_degrees(model: Any, start: float, stop: float, step: float) -> list:
     """Return the `Tongue`s of a model with several degrees of freedom, by increasing tuning.
 
-    The tunings from `start` to `stop` are scanned in steps of `step`; tongues are truncated at both
-    ends of this range.
+    A tongue is an interval of tunings (mesh frequency over natural frequency) in which steady
+    contact is unstable. The tunings from `start` to `stop` are scanned in steps of `step`; tongues
+    are truncated at both ends of this range.
     """
     grid = np.linspace(start, stop, max(3, math.ceil((stop - start) / step) + 1))
+    # Between two successive edges (tuning, multiplier) the motion is either stable or unstable.
     edges = [(start, 0), *sorted(_edges(model, grid)), (stop, 0)]
     tongues: list = []
     for (low, low_multiplier), (high, high_multiplier) in pairwise(edges):
@@ -224,12 +245,14 @@ def tongues_of_several_degrees(model: Any, start: float, stop: float, step: floa
 def _edges(model: Any, grid: np.ndarray) -> list:
     """Return the tunings at which the stability may change, as a list of (tuning, multiplier).
 
-    `grid` are the scanned tunings, increasing. The multiplier is the Floquet multiplier on the unit
-    circle: 1 or -1, or 0 for a complex pair.
+    `grid` are the scanned tunings (mesh frequency over natural frequency), increasing. The
+    multiplier is the Floquet multiplier on the unit circle: 1 or -1, or the code 0 for a complex
+    pair.
     """
     maps = np.array([model.contact_monodromy(nu) for nu in grid])
     edges = [(nu, value) for value in (1, -1) for nu in _zeros(model, value, grid, maps)]
     is_unstable = [_log_spectral_radius(matrix) > _MIN_GROWTH for matrix in maps]
+    # A change of stability without a multiplier 1 or -1 is due to a complex pair.
     for i, (low, high) in enumerate(pairwise(grid)):
         has_edge = any(low <= nu <= high for nu, _ in edges)
         if is_unstable[i] != is_unstable[i + 1] and not has_edge:
@@ -240,8 +263,9 @@ def _edges(model: Any, grid: np.ndarray) -> list:
 def _largest_growth(model: Any, low: float, high: float, grid: np.ndarray) -> tuple:
     """Return (largest growth, its tuning) for tunings between two edges `low` and `high`.
 
-    The growth is the logarithm of the largest multiplier. Its maximum on the tunings `grid` is
-    refined if the motion is unstable there.
+    The growth is the logarithm of the largest Floquet multiplier over a mesh period, positive if
+    steady contact is unstable. Its maximum on the increasing tunings `grid` is refined if it is
+    positive, beyond rounding errors.
     """
     tunings = [low, *grid[(grid > low) & (grid < high)], high]
     inner = tunings[1:-1] or [0.5 * (low + high)]
@@ -256,7 +280,8 @@ def _largest_growth(model: Any, low: float, high: float, grid: np.ndarray) -> tu
 def _characteristic(model: Any, tuning: float, multiplier: int) -> float:
     """Return det(M - multiplier I) of the monodromy matrix M of the motion without contact loss.
 
-    It is zero if the multiplier, 1 or -1, is a Floquet multiplier at the tuning.
+    M maps small perturbations over one mesh period, and `tuning` is the mesh frequency over the
+    natural frequency. The determinant is zero if `multiplier`, 1 or -1, is a Floquet multiplier.
     """
     monodromy = model.contact_monodromy(tuning)
     return float(np.linalg.det(monodromy - multiplier * np.eye(len(monodromy))))
@@ -275,8 +300,9 @@ def _log_spectral_radius(matrix: np.ndarray) -> float:
 def _zeros(model: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> list:
     """Return the list of tunings at which a multiplier, 1 or -1, is a Floquet multiplier.
 
-    The tunings are zeros of det(M - multiplier I). `grid` are increasing tunings, shape (m,), and
-    `maps` the monodromy matrices M at these, shape (m, n, n).
+    The tunings (mesh frequency over natural frequency) are zeros of det(M - multiplier I), where M
+    is the monodromy matrix. They are bracketed on the increasing tunings `grid`, shape (m,), at
+    which `maps`, shape (m, n, n), are the matrices M.
     """
     values = np.linalg.det(maps - multiplier * np.eye(maps.shape[1]))
 
@@ -297,6 +323,7 @@ def _zeros(model: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> l
                 method="bounded",
                 options={"xatol": 1e-10},
             )
+            # The determinant changes its sign on both sides of the minimum.
             if minimum.fun < 0.0:
                 for end in (grid[i - 1], high):
                     zeros.append(meissner.root(characteristic, *sorted((minimum.x, end))))
@@ -304,7 +331,10 @@ def _zeros(model: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> l
 
 
 def _has_minimum(values: np.ndarray) -> bool:
-    """Return whether three values have the same sign and the middle one is nearest to zero."""
+    """Return whether three successive values may hide two zeros between them.
+
+    This is so if they have the same sign and the middle one is nearest to zero.
+    """
     left, middle, right = np.abs(values)
     have_same_sign = values[0] * values[1] > 0.0 and values[1] * values[2] > 0.0
     return bool(have_same_sign and middle <= left and middle <= right)

@@ -75,8 +75,11 @@ class Tongue(NamedTuple):
 def meissner_equation(contact_ratio: float, stiffness_ratio: float, damping: float) -> Meissner:
     """Return the `Meissner` equation u'' + q u = 0 of a gear mesh with rectangular stiffness.
 
-    The arguments are the contact ratio epsilon, the stiffness ratio kappa = C_min / C_max and the
-    damping ratio beta. In each segment q is the stiffness, relative to its mean, minus beta^2.
+    It describes small perturbations of the motion without loss of contact, after a transformation
+    that removes damping. The stiffness has two levels, C_max with two pairs of teeth in mesh and
+    C_min with one. The arguments are the contact ratio epsilon, the stiffness ratio kappa = C_min /
+    C_max and the damping ratio beta. At each level q is the stiffness, relative to its mean, minus
+    beta^2.
     """
     half_stiff, soft = segment_lengths(contact_ratio)
     q_stiff, q_soft = np.array(stiffness_levels(contact_ratio, stiffness_ratio)) - damping * damping
@@ -91,8 +94,9 @@ def equation_of(pair: Any) -> Meissner:
 def segment_solution(q: float, time: float) -> tuple:
     """Return the two fundamental solutions of u'' + q u = 0 at a time t, with constant q.
 
-    For q = w^2 > 0 return (cos(w t), sin(w t) / w, 0). For q = -w^2 < 0 return (cosh(w t) exp(-s),
-    sinh(w t) / w exp(-s), s), where the exponent s = |w t| avoids overflow.
+    The first starts with u = 1, u' = 0, the second with u = 0, u' = 1. For q = w^2 > 0 return
+    (cos(w t), sin(w t) / w, 0). For q = -w^2 < 0 return (cosh(w t) exp(-s), sinh(w t) / w exp(-s),
+    s), where the exponent s = |w t| avoids overflow. For w t = 0 return (1, t, 0).
     """
     w = math.sqrt(abs(q))
     angle = w * time
@@ -109,9 +113,10 @@ def segment_solution(q: float, time: float) -> tuple:
 def _half_period_solutions(equation: Meissner, k: float) -> tuple:
     """Return the even solution u1 and the odd u2 of a Meissner equation after half a mesh period.
 
-    At the start, the middle of the segment of C_max, u1 = u2' = 1 and u1' = u2 = 0; the tuning is
-    nu = 1 / k. Return (u1, u1', u2, u2', s), where the first four are scaled by exp(-s) to avoid
-    overflow.
+    The equation u'' + q u = 0 has one value of q while the stiffness is C_max and another one while
+    it is C_min. At the start, the middle of the interval with C_max, u1 = u2' = 1 and u1' = u2 = 0;
+    the tuning is nu = 1 / k. Return (u1, u1', u2, u2', s), where the first four are scaled by
+    exp(-s) to avoid overflow.
     """
     q1, q2 = equation.q_stiff, equation.q_soft
     cosine1, sine1, exponent1 = segment_solution(q1, k * equation.half_stiff)
@@ -128,9 +133,10 @@ def _half_period_solutions(equation: Meissner, k: float) -> tuple:
 def _scaled_excess(equation: Meissner, k: float, order: int) -> tuple:
     """Return the excess |T| / 2 - 1 of the trace T in or near a gap, as (excess exp(-2 s), s).
 
-    T is the trace of the map of u over one mesh period, at the tuning nu = 1 / k. With the even and
-    odd solutions u1 and u2, T - 2 = 4 u1' u2 > 0 in gaps of even order, T + 2 = 4 u1 u2' < 0 in
-    gaps of odd order. The factor exp(-2 s) avoids overflow.
+    T is the trace of the map of (u, u') over one mesh period by the equation u'' + q u = 0, at the
+    tuning nu = 1 / k. A gap is an interval of k with |T| >= 2. With the even and odd solutions u1
+    and u2 after half a mesh period, T - 2 = 4 u1' u2 > 0 in gaps of even order, T + 2 = 4 u1 u2' <
+    0 in gaps of odd order. The factor exp(-2 s) avoids overflow.
     """
     u1, u1_rate, u2, u2_rate, exponent = _half_period_solutions(equation, k)
     excess = 2.0 * u1_rate * u2 if order % 2 == 0 else -2.0 * u1 * u2_rate
@@ -140,7 +146,7 @@ def _scaled_excess(equation: Meissner, k: float, order: int) -> tuple:
 def _growth(equation: Meissner, k: float, order: int) -> float:
     """Return the logarithm of the largest Floquet multiplier at the tuning 1 / k, in a gap.
 
-    `order` is the order of the gap.
+    In a gap, an interval of k, perturbations would grow without damping; it is numbered by `order`.
     """
     return _log_multiplier(_scaled_excess(equation, k, order), math.pi * equation.damping * k)
 
@@ -148,8 +154,9 @@ def _growth(equation: Meissner, k: float, order: int) -> float:
 def _log_multiplier(scaled_excess: tuple, decay: float) -> float:
     """Return the logarithm of the largest Floquet multiplier of a mesh period in a gap.
 
-    `scaled_excess` is (excess exp(-2 s), s) from `_scaled_excess`; `decay` is pi beta / nu, half
-    the logarithmic decrement due to damping.
+    In a gap the undamped map over a mesh period has a trace |T| >= 2. `scaled_excess` is
+    ((|T| / 2 - 1) exp(-2 s), s), scaled to avoid overflow. `decay` is pi beta / nu with the damping
+    ratio beta and the tuning nu, half the logarithmic decrement of a mesh period.
     """
     excess, exponent = scaled_excess
     # The undamped multiplier exp(2 h) follows from |T| / 2 - 1 = 2 sinh(h)^2.
@@ -166,20 +173,23 @@ def _log_multiplier(scaled_excess: tuple, decay: float) -> float:
 def _instability_margin(scaled_excess: tuple, decay: float) -> float:
     """Return a margin that is positive if perturbations grow, and negative if they decay.
 
-    It is |T| / 2 - 1 - 2 sinh^2(decay) with the trace T, times exp(-2 s).
-    `scaled_excess` is ((|T| / 2 - 1) exp(-2 s), s) from `_scaled_excess`; `decay` is pi beta / nu.
+    It is |T| / 2 - 1 - 2 sinh^2(decay), times exp(-2 s) to avoid overflow, where T is the trace of
+    the undamped map over a mesh period. `scaled_excess` is ((|T| / 2 - 1) exp(-2 s), s), and
+    `decay` is pi beta / nu with the damping ratio beta and the tuning nu.
     """
     excess, exponent = scaled_excess
+    # sinh(decay) exp(-s); expm1 is accurate for small damping.
     sinh = -0.5 * math.exp(decay - exponent) * math.expm1(-2.0 * decay)
     return excess - 2.0 * sinh * sinh
 
 
 def phase_angle(equation: Meissner, k: float, odd: bool) -> float:
-    """Return the Pruefer angle of the even or odd solution u after half a mesh period, in rad.
+    """Return the phase (Pruefer angle) of a solution of u'' + q u = 0 after half a mesh period.
 
-    It is atan2(-u' / w, u) for the even solution and atan2(w u, u') for the odd one, continued
-    without jumps by 2 pi; w is the frequency in one of the segments. As a function of k = 1 / nu it
-    increases through n pi / 2 once, at an edge of the gap of order n.
+    It starts at 0 in the middle of the interval with the stiffness C_max. It is atan2(-u' / w, u)
+    for the even solution and, with `odd`, atan2(w u, u') for the odd one, in rad, continued without
+    jumps by 2 pi; w = sqrt(q) at one of the two stiffness levels. As a function of k = 1 / tuning
+    it increases through n pi / 2 once, at an end of gap n, in which perturbations may grow.
     """
     w = math.sqrt(equation.q_stiff)
     stiff_angle = w * k * equation.half_stiff
@@ -198,22 +208,28 @@ def phase_angle(equation: Meissner, k: float, odd: bool) -> float:
 
 
 def _is_over_damped(equation: Meissner) -> bool:
-    """Return whether all segments of an equation are overdamped, so that it has no gap."""
+    """Return whether motions are overdamped at all stiffness levels, so that no tongue exists.
+
+    A level is overdamped if q, the stiffness minus the squared damping ratio, is not positive.
+    """
     stiff_is_empty = equation.half_stiff == 0.0
     return equation.q_stiff <= 0.0 or (stiff_is_empty and equation.q_soft <= 0.0)
 
 
 def gap(equation: Meissner, order: int) -> tuple | None:
-    """Return the ends (low, high) of the gap of an order, the interval of k = 1 / nu with |T| >= 2.
+    """Return the ends (low, high) of the gap of an order, an interval of k = 1 / tuning.
 
-    One end belongs to the even solution, the other one to the odd solution. They are equal to
-    rounding error if the gap is a point. Return None if all segments are overdamped.
+    In the gap the undamped map over a mesh period has a trace |T| >= 2, so that perturbations grow
+    without damping. At one end the even solution of the Meissner equation is periodic, at the other
+    one the odd solution. The ends are equal, to rounding error, if the gap is a point. Return None
+    if motions are overdamped at all stiffness levels.
     """
     if _is_over_damped(equation):
         return None
     angle_at_edge = 0.5 * math.pi * order
     ends = []
     for odd in (False, True):
+        # Increase the upper bound of k until it lies beyond the end of the gap.
         high = float(order)
         while phase_angle(equation, high, odd) <= angle_at_edge:
             high *= 2.0
@@ -227,9 +243,10 @@ def gap(equation: Meissner, order: int) -> tuple | None:
 
 
 def tongue(equation: Meissner, order: int) -> Any:
-    """Return the `Tongue` of an order, None if all segments are overdamped.
+    """Return the `Tongue` of an order, or None if motions are overdamped at all stiffness levels.
 
-    The tongue of order n lies near the tuning 2 / n.
+    The tongue of order n is an interval of tunings near 2 / n in which small perturbations of
+    steady contact grow.
     """
     ends = gap(equation, order)
     if ends is None:
@@ -241,11 +258,12 @@ def tongue(equation: Meissner, order: int) -> Any:
 
 
 def tongue_in_gap(order, low_k, high_k, damping, scaled_excess: Callable) -> Tongue:
-    """Return the `Tongue` of an order in the gap from `low_k` to `high_k`, values of k = 1 / nu.
+    """Return the `Tongue` of an order in the gap from `low_k` to `high_k`, values of 1 / tuning.
 
-    `damping` is the damping ratio; without damping the tongue fills the gap. `scaled_excess(k)`
-    returns ((|T| / 2 - 1) exp(-2 s), s) with the trace T of the undamped map over a mesh period, as
-    in `_scaled_excess`.
+    In the gap the undamped map over a mesh period has a trace |T| >= 2. The tongue is the part of
+    the gap in which perturbations grow in spite of the damping ratio `damping`; without damping it
+    fills the gap. `scaled_excess(k)` returns ((|T| / 2 - 1) exp(-2 s), s) at the tuning 1 / k,
+    where the exponent s avoids overflow.
     """
 
     def growth(k: float) -> float:
@@ -271,7 +289,10 @@ def tongue_in_gap(order, low_k, high_k, damping, scaled_excess: Callable) -> Ton
 
 
 def maximum(function: Callable, low: float, high: float) -> tuple:
-    """Return (largest value, its position) of a function with one maximum from `low` to `high`."""
+    """Return (largest value, its position) of a function with one maximum from `low` to `high`.
+
+    The position has an error of about 1e-9 of this interval.
+    """
     width = high - low
     optimum = minimize_scalar(
         # The interval may be narrower than the tolerance, so it is scaled to 0 ... 1.
@@ -303,7 +324,11 @@ def root(function: Callable, low: float, high: float) -> float:
 
 
 def orders(equation: Meissner, start: float, stop: float) -> range:
-    """Return the orders of the gaps that overlap the tunings from `start` to `stop`."""
+    """Return the orders of the tongues that may overlap the tunings from `start` to `stop`.
+
+    They are the orders of the gaps, the intervals of tunings in which small perturbations would
+    grow without damping; gap n lies near the tuning 2 / n.
+    """
     if _is_over_damped(equation):
         return range(0)
     # In the gap of order n, n pi / 2 lies between the phase angles of the two solutions.
@@ -317,12 +342,16 @@ def orders(equation: Meissner, start: float, stop: float) -> range:
 def closing_damping(contact_ratio: float, stiffness_ratio: float, order: int) -> float:
     """Return the damping ratio above which the tongue of an order is closed.
 
-    It is 0 if the tongue is a point without damping. The arguments are the contact ratio epsilon
-    and the stiffness ratio kappa.
+    A closed tongue contains no tuning at which small perturbations of steady contact grow. The
+    result is 0 if the tongue has no width even without damping. The stiffness ratio is the lowest
+    over the highest mesh stiffness.
     """
 
     def growth(damping: float) -> float:
-        """Return the largest logarithm of a multiplier in the tongue at a damping ratio."""
+        """Return the largest growth in the tongue at a damping ratio.
+
+        The growth is the logarithm of the largest Floquet multiplier of a mesh period.
+        """
         equation = meissner_equation(contact_ratio, stiffness_ratio, damping)
         damped_tongue = tongue(equation, order)
         return -math.inf if damped_tongue is None else damped_tongue.growth
@@ -335,9 +364,9 @@ def closing_damping(contact_ratio: float, stiffness_ratio: float, order: int) ->
 def last_downward_zero(growth: Callable, dampings: Any) -> float:
     """Return the largest damping ratio at which a growth changes from > 0 to < 0, or 0.
 
-    `growth(damping)` returns the largest growth in a tongue. `dampings` are increasing damping
-    ratios that bracket its zeros; the last one closes the tongue. Return 0 if the growth is not
-    positive at any of them.
+    `growth(damping)` returns the largest growth of perturbations in an interval of tunings (a
+    tongue), negative if they all decay. `dampings` are increasing damping ratios that bracket its
+    zeros; at the last one the growth is negative. Return 0 if it is not positive at any of them.
     """
     # A closed tongue may open again if the segment of C_min is almost overdamped. The search
     # therefore starts from the largest damping.
@@ -350,10 +379,12 @@ def last_downward_zero(growth: Callable, dampings: Any) -> float:
 def growth(contact_ratio: Any, stiffness_ratio: Any, damping: Any, tuning: Any) -> np.ndarray:
     """Return the logarithm of the largest Floquet multiplier of motions without loss of contact.
 
-    The arguments are the contact ratio epsilon, the stiffness ratio kappa, the damping ratio beta
-    and the tuning nu; arrays are broadcast. The result is the growth per mesh period, positive in
-    the tongues. It follows from the trace T of the map over a mesh period, with complex frequencies
-    for overdamped segments, and is -2 pi beta / nu where |T| < 2.
+    The arguments are the contact ratio epsilon, the stiffness ratio kappa (lowest over highest
+    stiffness), the damping ratio beta and the tuning nu (mesh frequency over natural frequency);
+    arrays are broadcast. The result is the growth of perturbations per mesh period, positive in the
+    tongues, where steady contact is unstable. It follows from the trace T of the undamped map over
+    a mesh period, with complex frequencies where a stiffness level is overdamped. Where |T| < 2 it
+    is -2 pi beta / nu, the decay by damping.
     """
     half_stiff, soft_length = segment_lengths(np.asarray(contact_ratio, float))
     stiff_length = 2.0 * half_stiff
@@ -370,10 +401,12 @@ def growth(contact_ratio: Any, stiffness_ratio: Any, damping: Any, tuning: Any) 
 def coexistence(order: int, *, contact_ratio=None, stiffness_ratio=None) -> np.ndarray:
     """Return the points at which the undamped tongue of an order has no width, shape (j, 2).
 
-    Exactly one of the contact ratio epsilon and the stiffness ratio kappa must be given; each row
-    is (value of the other ratio, tuning). At such a point of coexistence the segment of C_max
-    contains m = 1 ... n - 1 of the n half waves and the segment of C_min the others, hence
-    sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m).
+    Exactly one of the contact ratio epsilon and the stiffness ratio kappa = C_min / C_max must be
+    given; each row is (value of the other ratio, tuning). A tongue of order n is an interval of
+    tunings with unstable steady contact. It has no width if two independent periodic perturbations
+    coexist: then m = 1 ... n - 1 of the n half waves of a mesh period lie where the stiffness is
+    C_max and the others where it is C_min, hence sqrt(kappa) = (epsilon - 1) (n - m) / ((2 -
+    epsilon) m).
     """
     points = []
     for m in range(1, order):
@@ -396,8 +429,9 @@ def coexistence(order: int, *, contact_ratio=None, stiffness_ratio=None) -> np.n
 def state_after(state: tuple, stiffness, damping, tuning: float, phase: float) -> tuple:
     """Propagate a state over a mesh phase at constant stiffness, without loss of contact.
 
-    The state and the result are (x, dx/dtau) in static deflections. The stiffness is relative to
-    its mean, `damping` is the damping ratio, and the phase is in rad, negative for backwards.
+    The state and the result are (x, dx/dtau) in static deflections, by the mesh phase tau. The
+    stiffness is relative to its mean, `damping` is the damping ratio, `tuning` the mesh frequency
+    over the natural frequency, and `phase` the phase difference in rad, negative for backwards.
     """
     equilibrium = 1.0 / stiffness
     # Displacement u from the equilibrium, and its derivative v by the time t = tau / nu.
@@ -413,9 +447,11 @@ def state_after(state: tuple, stiffness, damping, tuning: float, phase: float) -
 def period_map(model: Any, tuning: float) -> tuple:
     """Return the affine map z -> M z + b of a linear mesh over one mesh period, as (M, b).
 
-    z = (x, dx/dtau) is the state at mesh phase 0. M has the shape (2, 2), b the shape (2,). The
-    backlash of the model is ignored.
+    z = (x, dx/dtau) is the state at mesh phase tau = 0, and `tuning` is the mesh frequency over the
+    natural frequency. M has the shape (2, 2), b the shape (2,). The backlash of the model is
+    ignored. Raise RuntimeError if the simulation fails.
     """
+    # The motion from the state 0 gives b, and the linearised map gives M.
     shift, maps, code = linear_pair(model).propagator(tuning).maps(np.zeros(2), 1, MAX_EVENTS)
     if code != status.OK:
         raise RuntimeError(f"the simulation failed: {status.MESSAGES[code]}")
@@ -425,8 +461,9 @@ def period_map(model: Any, tuning: float) -> tuple:
 def orbit_state(pair: Any, tuning: float) -> tuple:
     """Return the state (x, dx/dtau) at mesh phase 0 of the orbit without loss of contact.
 
-    The backlash of the pair is ignored. If the orbit is not unique, as with constant stiffness at
-    nu = 1 / n, return the state nearest to the static equilibrium.
+    `tuning` is the mesh frequency over the natural frequency, and the backlash of the pair is
+    ignored. If the orbit is not unique, as with constant stiffness at the tuning 1 / n, return the
+    state nearest to the static equilibrium.
     """
     # The orbit is the fixed point of the map z -> monodromy z + shift.
     monodromy, shift = period_map(pair, tuning)
@@ -440,8 +477,8 @@ def orbit_state(pair: Any, tuning: float) -> tuple:
 
 
 def linear_pair(pair: Any) -> Any:
-    """Return a copy of a pair without backlash, whose mesh is linear.
+    """Return a copy of a gear pair without backlash, whose mesh is linear.
 
-    Its damping is the damping in contact.
+    Without backlash one of the flanks always touches, so the damping is always that in contact.
     """
     return pair.replace(backlash=0.0, backlash_damping=pair.material_damping)

@@ -129,8 +129,10 @@ def tongues(
 def checked_model(model: Any) -> Any:
     """Check that a model is linear in contact, and return the model whose tongues are computed.
 
-    This is its `GearPair` if its stiffness is rectangular, because both have the same stability,
-    else the model itself. Raise ValueError if the model is nonlinear or has no gears.
+    Tongues are intervals of tunings with unstable steady contact. With rectangular stiffness, which
+    has two levels, return the `GearPair` of the model, because both have the same stability and
+    closed forms exist; otherwise the model itself. Raise ValueError if the model is nonlinear or
+    has no gears.
     """
     # Gear pairs have a `pair`, trains `mesh_names`; one degree of freedom needs an `equation`.
     has_gears = is_model(model) and (model.pair or model.mesh_names)
@@ -147,7 +149,9 @@ def checked_model(model: Any) -> Any:
 def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> list:
     """Find the `Tongue`s of a linear model that overlap the tunings from `start` to `stop`.
 
-    For models with several degrees of freedom the tunings are scanned in steps of `step`.
+    A tongue is an interval of tunings (mesh frequency over natural frequency) in which steady
+    contact is unstable. For models with several degrees of freedom the tunings are scanned in steps
+    of `step`.
     """
     if model.pair is model:  # a `GearPair`
         equation = meissner.equation_of(model)
@@ -160,7 +164,9 @@ def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> 
 def closing_damping(model: Any, tongue: meissner.Tongue) -> float:
     """Return the damping ratio of the contact above which a tongue of a model is closed.
 
-    It is 0 for a tongue that is a point without damping, NaN if no damping ratio below 1 closes it.
+    A tongue is an interval of tunings with unstable steady contact; if it is closed, all of them
+    are stable. The result is 0 for a tongue without any width at zero damping, and NaN if no
+    damping ratio below 1 closes it.
     """
     if model.pair is model:  # a `GearPair`
         return meissner.closing_damping(model.contact_ratio, model.stiffness_ratio, tongue.order)
@@ -193,9 +199,10 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
 def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension: str) -> tuple:
     """Return (variables, coordinates) of a dataset of tongues.
 
-    `tongue_lists` has a list of `Tongue`s for each of the `values` of the parameter, or a single
-    list if the parameter is None. `dimension` is "order", or "tongue" if tongues have no order and
-    are counted from 1. Variables without a tongue have the missing value of `_COLUMNS`.
+    `tongue_lists` has a list of `Tongue`s (intervals of tunings with unstable steady contact) for
+    each of the `values` of the parameter named `parameter`, or a single list if that is None.
+    `dimension` is "order", or "tongue" if tongues have no order and are counted from 1. Where a
+    tongue does not exist, the variables are NaN, or 0 for the multiplier.
     """
     # For each parameter value: order or number of a tongue -> tongue.
     if dimension == "order":
