@@ -24,9 +24,9 @@ Kernels do not check their arguments; the functions that call them do.
 def warm_up() -> str:
     """Compile or load the kernels for `simulate` and `sweep` of a `GearPair`; return a source hash.
 
-    Nearly all jobs need these kernels, and parallel jobs without machine code would each compile
-    them. The first job that needs another kernel compiles it, because an edit of a kernel that is
-    compiled here reruns every job.
+    A kernel is a function that numba compiles. Nearly all runs need these kernels, and parallel
+    processes without machine code would each compile them. Other kernels are compiled when they are
+    first needed, because an edit of a kernel that is compiled here reruns every job of a workflow.
     """
     import numpy as np
 
@@ -35,7 +35,8 @@ def warm_up() -> str:
     from gearlib.engines.pair.motion import mesh_at_tuning
     from gearlib.engines.pair.pair_run import run, run_many
 
-    # Stiffness levels, their phase lengths, two damping ratios, backlash; see `mesh_at_tuning`.
+    # Upper and lower stiffness level, their lengths in phase, damping ratios in contact and in free
+    # flight, and backlash. The values do not matter, only their types.
     pair_parameters = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
     tuning, span = 0.9, Span(periods=2, recorded=1, max_events=100)
     # Tables with a row for the only run: summary, final state, and period with status.

@@ -21,7 +21,10 @@ _KERNEL_FOLDERS = Path(__file__).parent, Path(__file__).parents[1] / "integrator
 
 
 def source_hash() -> str:
-    """Return a hash, 16 hex digits, of all Python files in the folders with kernels."""
+    """Return a hash, 16 hexadecimal digits, of all Python files that may define kernels.
+
+    Kernels are functions that numba compiles.
+    """
     digest = hashlib.sha256()
     for path in sorted(path for folder in _KERNEL_FOLDERS for path in folder.rglob("*.py")):
         digest.update(path.name.encode())
@@ -30,7 +33,11 @@ def source_hash() -> str:
 
 
 def cache_folder() -> str:
-    """Return the folder of the kernels' machine code; create it if needed."""
+    """Return the folder of the kernels' machine code, and create it if needed.
+
+    Its name contains a hash of the sources, so that no outdated code is loaded. If the user's cache
+    folder cannot be written, it lies in a temporary folder.
+    """
     name = f"kernels-{source_hash()}"
     user_cache = os.path.join(os.path.expanduser("~"), ".cache")
     gearlib_cache = os.path.join(os.environ.get("XDG_CACHE_HOME") or user_cache, "gearlib")
@@ -46,11 +53,16 @@ def cache_folder() -> str:
 
 
 def _temporary_folder() -> str:
-    """Return a folder for temporary files in which no other user can have written."""
+    """Return a folder for temporary files in which no other user can have written.
+
+    Code in a folder of another user could be harmful. If gearlib's usual folder is not owned by
+    this user, or the owner is unknown, a new folder is created.
+    """
     user = os.getuid() if hasattr(os, "getuid") else None
     path = os.path.join(tempfile.gettempdir(), f"gearlib-{user}")
     with contextlib.suppress(OSError):
         os.mkdir(path, mode=0o700)
+    # Systems without user numbers (Windows) have a temporary folder for each user.
     if user is None or (os.path.isdir(path) and os.lstat(path).st_uid == user):
         return path
     return tempfile.mkdtemp(prefix="gearlib-")
@@ -63,7 +75,7 @@ _NUMBA_OPTIONS |= {"no_cfunc_wrapper": True}
 
 
 def kernel(function):
-    """Compile a function with the settings that all kernels share.
+    """Compile a function with numba, with the settings that all kernels share.
 
     ``fastmath=False``: the order of events depends on the last digits. ``error_model="numpy"``: a
     division by zero gives infinity, which the kernels rely on. ``nogil``: sweeps run in threads.
@@ -77,11 +89,12 @@ def inlined_kernel(function):
 
 
 def kernel_without_refcounts(function):
-    """Compile a function without reference counts; it must neither create nor return arrays.
+    """Compile a function with numba, without reference counts of its arrays.
 
-    Each access to a tuple of arrays would change a reference count that all threads share, which
-    costs more than the sums in inner loops. All decorators set ``_nrt`` and ``forceinline``,
-    because a kernel inherits options that are not set from the kernel that calls it.
+    The function must neither create nor return arrays. Each access to a tuple of arrays would
+    change a reference count that all threads share, which costs more than the sums in inner loops.
+    All decorators set ``_nrt`` (reference counts) and ``forceinline``, because a kernel inherits
+    options that are not set from the kernel that calls it.
     """
     return numba.njit(_nrt=False, forceinline=False, **_NUMBA_OPTIONS)(function)
 

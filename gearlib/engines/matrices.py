@@ -21,7 +21,10 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
 
 @kernel
 def enlarge_table(table: np.ndarray, row_count: int) -> np.ndarray:
-    """Return a copy of `table` with `row_count` rows, of which the additional rows are not set."""
+    """Return a copy of `table` with `row_count` rows, at least as many as before.
+
+    The additional rows are not initialized.
+    """
     larger_table = np.empty((row_count, table.shape[1]))
     for i in range(table.shape[0]):
         copy(table[i], larger_table[i])
@@ -38,8 +41,8 @@ MAX_NORM = 1.3
 def exponential(matrix: np.ndarray, time: float) -> np.ndarray:
     """Return the matrix exponential exp(matrix * time) of a matrix, shape (n, n).
 
-    The norm of the matrix times the time is at most MAX_NORM. The power series is summed up to the
-    degree _ORDER, where its terms are below rounding.
+    The norm of matrix * time must be at most MAX_NORM; then the terms of the power series beyond
+    the degree _ORDER are below rounding.
     """
     n = matrix.shape[0]
     total, term = np.eye(n), np.eye(n)
@@ -60,9 +63,10 @@ def exponential(matrix: np.ndarray, time: float) -> np.ndarray:
 def propagate_perturbation(maps, weights, perturbation, log_growths):
     """Multiply a perturbation in place by k period maps, and normalise it after each of them.
 
-    `maps` has the shape (k, n, n), `perturbation` and `weights` have the shape (n,). The norm is
-    the Euclidean norm of weights * perturbation; its logarithm after each map goes to
-    `log_growths`, shape (k,). Returns False if the perturbation vanishes, otherwise True.
+    Period maps, shape (k, n, n), are the derivatives of the state after a mesh period with respect
+    to the state before it. The norm is the Euclidean norm of weights * perturbation, both of shape
+    (n,); its logarithm after each map goes to `log_growths`, shape (k,), from which Lyapunov
+    exponents follow. Returns False if the perturbation vanishes, otherwise True.
     """
     n = perturbation.shape[0]
     image = np.empty(n)
@@ -74,6 +78,7 @@ def propagate_perturbation(maps, weights, perturbation, log_growths):
                 image[i] += maps[k, i, j] * perturbation[j]
             squared_norm += (weights[i] * image[i]) ** 2
         norm = math.sqrt(squared_norm)
+        # This is also True if the norm is NaN.
         if not norm > 0.0:
             return False
         for i in range(n):

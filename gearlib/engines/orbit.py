@@ -88,7 +88,7 @@ def is_within_range(x, v):
 
 @kernel
 def clear_summary(summary: np.ndarray) -> None:
-    """Reset the summary of a motion, shape (SUMMARY_COLUMNS,), to its values without a record.
+    """Reset the summary of a motion, shape (SUMMARY_COLUMNS,), before anything is recorded.
 
     Maxima become -inf, minima inf, times and counts 0.
     """
@@ -98,7 +98,10 @@ def clear_summary(summary: np.ndarray) -> None:
 
 @kernel_without_refcounts
 def has_unresolved_extremum(summary: np.ndarray) -> bool:
-    """Return whether an extremum in the summary of a motion is NaN because it was not isolated."""
+    """Return whether a maximum or minimum in the summary of a motion is NaN.
+
+    NaN means that the search for this extremum took too many intervals.
+    """
     for k in _EXTREMA:
         if math.isnan(summary[k]):
             return True
@@ -116,12 +119,14 @@ def fill_sample_phases(samples: np.ndarray, column: int, duration: float) -> Non
 def add_polynomial_extrema(coefficients, to_bernstein, work, summary, max_column, min_column):
     """Update a maximum and a minimum of a summary by the extrema of a polynomial on [0, 1].
 
-    `coefficients` are its n + 1 power coefficients, constant first; they are negated in place.
-    `max_column` and `min_column` are columns of the summary. `to_bernstein` is the matrix from
-    power to Bernstein coefficients, and `work`, shape (WORK_ROWS, n + 2), is overwritten.
+    `coefficients` are its n + 1 power coefficients, constant first; their signs are changed.
+    `max_column` and `min_column` are columns of the summary. `to_bernstein` is the
+    `bernstein_matrix` of degree n, which converts power to Bernstein coefficients, and `work`,
+    shape (WORK_ROWS, n + 2), is overwritten.
     """
     highest, lowest = summary[max_column], summary[min_column]
     summary[max_column] = polynomial_maximum(coefficients, to_bernstein, work, highest)
+    # A minimum is minus the maximum of the polynomial with the opposite sign.
     for k in range(coefficients.shape[0]):
         coefficients[k] = -coefficients[k]
     summary[min_column] = -polynomial_maximum(coefficients, to_bernstein, work, -lowest)
@@ -129,10 +134,11 @@ def add_polynomial_extrema(coefficients, to_bernstein, work, summary, max_column
 
 @kernel_without_refcounts
 def add_contact_time(contact_code, duration, below_mean, summary) -> None:
-    """Add an arc with one contact code to the contact times of a summary.
+    """Add the duration of an arc, a time without a change of contact, to a summary.
 
-    `duration` is its length in phase; `below_mean` says whether the stiffness is below its mean.
-    Without contact the mesh force is zero, which also updates the extrema of the force.
+    `contact_code` is DRIVE, NO_CONTACT or COAST; `duration` is the length of the arc in mesh phase;
+    `below_mean` says whether the stiffness is below its mean. Without contact the mesh force is
+    zero, which also updates the extrema of the force.
     """
     if contact_code == NO_CONTACT:
         summary[TIME_NO_CONTACT] += duration
@@ -148,8 +154,8 @@ def add_contact_time(contact_code, duration, below_mean, summary) -> None:
 def count_event(code_before, code_after, velocity, summary) -> None:
     """Count a change of contact in a summary if it is a loss of drive-side contact.
 
-    The contact code changes from `code_before` to `code_after` at the velocity dx/dtau; only the
-    code before has an effect.
+    The contact changes from `code_before` to `code_after` (DRIVE, NO_CONTACT or COAST) at the
+    velocity dx/dtau. Only the code before has an effect.
     """
     if code_before == DRIVE:
         summary[BOUNCES] += 1.0
@@ -159,7 +165,9 @@ def count_event(code_before, code_after, velocity, summary) -> None:
 def record_event(events, event_count, period, phase, code_before, code_after, velocity, summary):
     """Count a change of contact in the summary and append it to the event table.
 
-    An event table without rows stays empty. See `add_event` for the other arguments and the result.
+    Returns (event table, event count). The contact changes from `code_before` to `code_after` at
+    the velocity dx/dtau and at a `phase` of the mesh period number `period`. The first
+    `event_count` rows of `events` are in use; a table without rows stays empty.
     """
     count_event(code_before, code_after, velocity, summary)
     if events.shape[0] > 0:
@@ -174,8 +182,8 @@ def add_event(events, event_count, period, phase, code_before, code_after, veloc
     """Append a change of contact to an event table; return (table, event count).
 
     The first `event_count` rows of the table `events` are in use; a full table is enlarged. The
-    contact code changes from `code_before` to `code_after` at the velocity dx/dtau, in the mesh
-    period number `period`, at a phase since the start of this period.
+    contact changes from `code_before` to `code_after` (DRIVE, NO_CONTACT or COAST) at the velocity
+    dx/dtau, in the mesh period number `period`, at a phase since the start of this period.
     """
     if event_count == events.shape[0]:
         events = enlarge_table(events, 2 * event_count + 16)
@@ -185,7 +193,11 @@ def add_event(events, event_count, period, phase, code_before, code_after, veloc
 
 @inlined_without_refcounts
 def fill_event(event, period, phase, code_before, code_after, velocity) -> None:
-    """Fill `event`, a row of an event table; see `add_event` for the other arguments."""
+    """Fill `event`, a row of an event table, with a change of contact.
+
+    The contact changes from `code_before` to `code_after` at the velocity dx/dtau, in the mesh
+    period number `period`, at a phase since its start.
+    """
     event[EVENT_PERIOD] = period
     event[EVENT_PHASE] = phase
     event[EVENT_FROM] = code_before
@@ -197,8 +209,9 @@ def fill_event(event, period, phase, code_before, code_after, velocity) -> None:
 def repeat_record(samples, events, event_count, recorded_periods, periods):
     """Fill the record of `periods` mesh periods by repeating its first `recorded_periods`.
 
-    The sample table covers all periods. The first `event_count` rows of the table `events` are in
-    use; the table is enlarged if needed. Returns (event table, event count).
+    This suits a motion that is known to repeat. The rows of `samples` cover all periods; the first
+    `event_count` rows of `events` are in use. Returns (event table, enlarged if needed, event
+    count).
     """
     sample_count = samples.shape[0] // periods * recorded_periods
     recorded_events = event_count
@@ -219,7 +232,8 @@ def repeat_record(samples, events, event_count, recorded_periods, periods):
 def strobe_periods(repeats: int) -> int:
     """Return the number of mesh periods at the end of a run whose initial states are kept.
 
-    `orbit_period` compares these states. The excitation repeats after `repeats` mesh periods.
+    `orbit_period` compares these states to find the period of the motion. The excitation repeats
+    after `repeats` mesh periods.
     """
     return 2 * MAX_PERIOD * repeats - 1
 
@@ -228,17 +242,20 @@ def strobe_periods(repeats: int) -> int:
 def orbit_period(strobes, tuning, displacement_range, repeats=1):
     """Return the smallest number n of mesh periods after which the motion repeats, or 0.
 
-    `strobes`, shape (k + 1, 2), has displacement and dx/dtau at the bounds of the last k
-    periods. `displacement_range`, the largest minus the smallest displacement, scales the
-    tolerance. The excitation repeats after `repeats` mesh periods; n is at most 16, or a multiple
-    of `repeats` up to 16 * repeats. The states have to repeat over at least `repeats` periods,
-    since a slow run-out changes little from one period to the next.
+    `strobes`, shape (k + 1, 2), has displacement and dx/dtau at the bounds of the last k periods.
+    States count as equal within a tolerance, for which `displacement_range` is the largest minus
+    the smallest displacement and `tuning` scales dx/dtau. The excitation repeats after `repeats`
+    mesh periods; n is at most 16, or a multiple of `repeats` up to 16 * repeats. The states have to
+    repeat over at least `repeats` periods, since a slow run-out changes little from one period to
+    the next.
     """
     last_row = strobes.shape[0] - 1
     tolerance = SAME_STATE_TOLERANCE * max(1.0, displacement_range)
     for i in range(2 * MAX_PERIOD):
+        # Try 1 to 16 mesh periods first, then 1 to 16 repeats of the excitation.
         n = i + 1 if i < MAX_PERIOD else (i + 1 - MAX_PERIOD) * repeats
         span = max(n, repeats)
+        # There are too few states.
         if last_row < n + span - 1:
             return 0
         is_equal = True

@@ -42,10 +42,10 @@ _PEAK_LOCATION_TOLERANCE = 1e-9
 
 
 def bernstein_matrix(degree: int) -> np.ndarray:
-    """Return the matrix that converts power to Bernstein coefficients on [0, 1].
+    """Return the matrix that converts power coefficients to Bernstein coefficients on [0, 1].
 
-    Its shape is (degree + 1, degree + 1). Row i holds the weights of the i-th power coefficient in
-    all Bernstein coefficients.
+    Its shape is (degree + 1, degree + 1). Row i holds the weights with which power coefficient i
+    enters all Bernstein coefficients.
     """
     matrix = np.zeros((degree + 1, degree + 1))
     for j in range(degree + 1):
@@ -71,8 +71,8 @@ def horner(coefficients: np.ndarray, s: float) -> tuple:
 def _to_bernstein(coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.ndarray) -> None:
     """Fill the first n + 1 entries of `bernstein` with the Bernstein coefficients of a polynomial.
 
-    `coefficients` are its n + 1 power coefficients, constant first; `matrix` is the
-    `bernstein_matrix` of degree n.
+    `coefficients` are its n + 1 power coefficients, constant first. `matrix` is the
+    `bernstein_matrix` of degree n: row i holds the weights of power coefficient i.
     """
     bernstein[: coefficients.shape[0]] = coefficients[0]
     for i in range(1, coefficients.shape[0]):
@@ -82,12 +82,12 @@ def _to_bernstein(coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.nd
 
 @inlined_without_refcounts
 def halve(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) -> None:
-    """Split a polynomial at the middle of its interval, in Bernstein form.
+    """Split a polynomial in Bernstein form at the middle of its interval.
 
-    b, the n + 1 Bernstein coefficients of degree n, is replaced by the coefficients on the right
-    half, and `left` is filled with the coefficients on the left half. `storage` is overwritten. The
-    n + 1 first entries of the arrays are used. Weighted sums are faster than de
-    Casteljau's scheme, because the compiler turns them into vector instructions.
+    b holds the n + 1 Bernstein coefficients of degree n on the whole interval; they are replaced by
+    those on the right half, and `left` is filled with those on the left half. `storage` is
+    overwritten. Weighted sums are faster than de Casteljau's scheme, because the compiler turns
+    them into vector instructions.
     """
     for k in range(n + 1):
         storage[k] = b[k]
@@ -120,6 +120,7 @@ def halve(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) -> None:
 def parabola_minimum(a: float, b: float, c: float) -> float:
     """Return the smallest value of the parabola a + b s + c s^2 for s in [0, 1]."""
     min_value = min(a, a + b + c)
+    # The vertex, at s = -b / (2 c), lies inside the interval.
     if c > 0.0 and 0.0 < -b < 2.0 * c:
         min_value = a - 0.25 * b * b / c
     return min_value
@@ -131,7 +132,8 @@ def _find_root(b, n, s, value_terms, slope_terms):
 
     b holds its Bernstein coefficients of degree n, and the argument s is an estimate of the root.
     Newton's method is safeguarded by bisection. `value_terms` and `slope_terms`, shape (n + 1,) or
-    longer, are overwritten with scaled coefficients of the polynomial and of its derivative.
+    longer, are overwritten with the Bernstein coefficients of the polynomial and of its derivative,
+    times binomial coefficients.
     """
     for i in range(n + 1):
         value_terms[i] = BINOMIALS[n, i] * b[i]
@@ -140,6 +142,7 @@ def _find_root(b, n, s, value_terms, slope_terms):
     lower, upper, derivative, scale, last_step = 0.0, 1.0, 0.0, 1.0, 0.0
     for step_count in range(MAX_NEWTON_STEPS):
         derivative = 0.0
+        # Horner's scheme in s / (1 - s) or its inverse, whichever is at most 1.
         if s <= 0.5:
             ratio, scale = s / (1.0 - s), 1.0 - s
             value = value_terms[n]
@@ -158,6 +161,7 @@ def _find_root(b, n, s, value_terms, slope_terms):
             upper = s
         # Both sums lack powers of the scale: the value n of them, the derivative n - 1.
         new_s = s - value * scale / (n * derivative) if derivative < 0.0 else -1.0
+        # Each eighth step bisects the bracket, so that the method always ends.
         is_newton = lower <= new_s <= upper and step_count % 8 < 7
         if not is_newton:
             new_s = 0.5 * (lower + upper)
@@ -174,10 +178,11 @@ def _find_root(b, n, s, value_terms, slope_terms):
 
 @kernel_without_refcounts
 def _count_sign_changes(b, n, tolerance):
-    """Return (number of sign changes of the Bernstein coefficients b, estimate of the last root).
+    """Return (number of sign changes of Bernstein coefficients, estimate of the last root).
 
-    The polynomial of degree n has at most as many roots in [0, 1] as there are sign changes.
-    Coefficients within `tolerance` of zero are ignored, except the first one.
+    b holds the coefficients of degree n. The polynomial has at most as many roots in [0, 1] as
+    there are sign changes. Coefficients within `tolerance` of zero are ignored, except the first
+    one. The estimate is the zero of the line between two neighbouring coefficients.
     """
     count, root_estimate = 0, 0.0
     last_value, last_index = b[0], 0
@@ -269,8 +274,9 @@ def first_downward_crossing(
 
     s is -1 if the search takes too many intervals. The n + 1 power coefficients begin with the
     constant. A polynomial that starts at zero, or below it by rounding, falls at once if its slope
-    is negative; otherwise it has to rise above zero first. `to_bernstein` is `bernstein_matrix` of
-    degree n; `work` is storage of shape (WORK_ROWS, n + 2).
+    is negative; otherwise it has to rise above zero first. `to_bernstein` is the `bernstein_matrix`
+    of degree n, which converts power to Bernstein coefficients; `work` is storage of shape
+    (WORK_ROWS, n + 2).
     """
     value_error, other_slopes, end = 0.0, 0.0, 0.0
     for k in range(coefficients.shape[0]):
@@ -298,8 +304,9 @@ def first_downward_crossing(
 def polynomial_maximum(coefficients, to_bernstein, work, lower_bound):
     """Return the largest value of a polynomial on [0, 1], or `lower_bound` if that is larger.
 
-    It is NaN if the search takes too many intervals. The n + 1 power coefficients begin with the
-    constant; `to_bernstein` is `bernstein_matrix` of degree n, `work` storage (WORK_ROWS, n + 2).
+    The result is NaN if the search takes too many intervals. The n + 1 power coefficients begin
+    with the constant. `to_bernstein` is the `bernstein_matrix` of degree n, which converts power to
+    Bernstein coefficients; `work` is storage of shape (WORK_ROWS, n + 2).
     """
     variation = 0.0
     for k in range(1, coefficients.shape[0]):
@@ -314,7 +321,8 @@ def polynomial_maximum(coefficients, to_bernstein, work, lower_bound):
 def _has_one_peak(b: np.ndarray, n: int) -> bool:
     """Return whether a polynomial provably has at most one local maximum inside [0, 1].
 
-    This is proven if its Bernstein coefficients b, of degree n, first rise and then fall.
+    This is proven if its Bernstein coefficients b, of degree n, first rise and then fall, because
+    the polynomial does not oscillate more than they do.
     """
     k = 1
     while k <= n and b[k] >= b[k - 1]:
@@ -326,9 +334,10 @@ def _has_one_peak(b: np.ndarray, n: int) -> bool:
 
 @kernel_without_refcounts
 def _peak_value(b: np.ndarray, n: int) -> float:
-    """Return the maximum on [0, 1] of a polynomial with one local maximum, by Newton's method.
+    """Return the maximum on [0, 1] of a polynomial with a single local maximum.
 
-    b holds its Bernstein coefficients of degree n >= 2.
+    b holds its Bernstein coefficients of degree n >= 2. Newton's method searches for the zero of
+    the derivative, safeguarded by bisection.
     """
     s, lower, upper = 0.5, 0.0, 1.0
     for _ in range(_MAX_PEAK_STEPS):
@@ -362,8 +371,9 @@ def bernstein_maximum(work: np.ndarray, n: int, lower_bound: float) -> float:
     """Return the largest value of a polynomial on [0, 1], or `lower_bound` if that is larger.
 
     The first row of `work`, shape (WORK_ROWS, n + 2), begins with its Bernstein coefficients of
-    degree n. By branch and bound, intervals are dropped if no coefficient exceeds the largest value
-    found so far. The result is NaN if the search takes too many intervals.
+    degree n; the other rows are overwritten. Intervals are halved, and dropped if no coefficient,
+    and so no value, exceeds the largest value found so far (branch and bound). The result is NaN if
+    the search takes too many intervals.
     """
     largest_magnitude = 0.0
     for k in range(n + 1):

@@ -16,7 +16,9 @@ _ROUNDING = 1e-9
 def check_train(train: Any, prescribed_speed: bool) -> None:
     """Raise ValueError for a `GearTrain` that cannot be written as an FMU.
 
-    `prescribed_speed` is True if the speed is an input of the FMU.
+    `prescribed_speed` is True if the speed is an input of the FMU. Friction is not allowed, every
+    mesh needs a damping, and without a prescribed speed torques must be able to turn the train
+    freely.
     """
     for mesh in train.meshes:
         owner = f"mesh {mesh.name}"
@@ -33,13 +35,15 @@ def check_train(train: Any, prescribed_speed: bool) -> None:
 def _rotates_freely(train: Any) -> bool:
     """Return whether no spring resists the rigid-body rotation of a train.
 
-    A single free motion counts as this rotation, even if bodies on torsional supports stand still
-    in it. With several free motions, the angles of all bodies must also follow the rotation.
+    A single motion without resistance ("free motion") counts as this rotation, even if bodies on
+    torsional supports stand still in it. With several, the angles of all bodies must also follow
+    the rotation.
     """
     free, names = train.free_motions, train.names["body"]
     if free.shape[1] == 0:
         return False
     motion, speeds = acceleration.rigid_motion(train, names)
+    # Part of the rotation that is no combination of the mass-normalised free motions.
     remainder = motion - free @ (free.T @ (train.structure.mass @ motion))
     largest_motion = np.abs(motion).max()
     is_free = largest_motion > 0.0 and np.abs(remainder).max() <= _ROUNDING * largest_motion
@@ -120,8 +124,8 @@ def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, An
 def _norms(train: Any) -> np.ndarray:
     """Return a bound of the rates of all motions in rad/s, as a polynomial of the frame speed.
 
-    The result, shape (3,), holds the coefficients of the powers 0, 1 and 2 of the speed of the
-    rotating frame in rad/s.
+    The result, shape (3,), holds the coefficients of the powers 0, 1 and 2 of the speed, in rad/s,
+    of the frame that rotates with the carrier. The bound limits the steps of the FMU.
     """
     structure = train.structure
     omega = train.reference_angular_frequency
@@ -136,6 +140,8 @@ def _norms(train: Any) -> np.ndarray:
     coriolis_norm = float(np.linalg.norm(root @ structure.coriolis @ root.T, 2))
     circulatory_norm = float(np.linalg.norm(root @ structure.circulatory @ root.T, 2))
     centrifugal_norm = float(np.linalg.norm(root @ structure.centrifugal @ root.T, 2))
+    # Coriolis forces act like a damping; the other forces of the frame act like a stiffness, which
+    # is divided by the highest natural frequency.
     linear = coriolis_norm + circulatory_norm / frequency
     return np.array([at_rest * omega, linear, centrifugal_norm / frequency])
 
@@ -143,9 +149,9 @@ def _norms(train: Any) -> np.ndarray:
 def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict[str, Any]:
     """Return the constants of the rigid-body rotation: name in C -> value.
 
-    `rotations`, shape (b, n), holds the row vectors that map the coordinates to the angles of b
-    bodies in rad. The driver is the body whose torque holds a prescribed speed, -1 if there is
-    none; its torque is the sum of the other torques times their shares.
+    The driver is the index of the body whose torque holds a prescribed speed, -1 if there is none;
+    this torque is the sum of the other torques times their shares. `rotations`, shape (b, n), maps
+    the n coordinates to the angles of b bodies in rad.
     """
     names = train.names["body"]
     motion, speeds = acceleration.rigid_motion(train, names)
@@ -155,6 +161,7 @@ def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict
     candidate = names.index(acceleration.default_driver(train, speeds))
     has_driver = prescribed_speed and train.free_motions.size > 0
     if has_driver and abs(rates[candidate]) > _ROUNDING * np.abs(rates).max():
+        # All torques together do no work on the rotation.
         driver, shares = candidate, -rates / rates[candidate]
     body_rates = rates if _rotates_freely(train) else np.array(speeds)
     return {
@@ -167,14 +174,15 @@ def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict
 
 
 def _levels(train: Any) -> dict[str, np.ndarray]:
-    """Return the stiffness levels of (coast, drive) sides: name in C -> array.
+    """Return the stiffness levels on the (coast, drive) sides of the meshes: name in C -> array.
 
-    For each side and mesh they are the number of levels, 1 or 2, the phases in mesh periods at
-    which the levels start, and their values in N/m.
+    The arrays hold, for each side and mesh, the number of levels (1 or 2), the phases in mesh
+    periods at which the levels start, in ascending order, and their stiffnesses in N/m.
     """
     counts = np.ones((2, len(train.meshes)), dtype=int)
     phases, values = np.zeros((2, 2, len(train.meshes), 2))
     for j, mesh in enumerate(train.meshes):
+        # Phases in the middle of the upper level, whose length is the contact ratio minus 1.
         middles = train.coast_phases[mesh.name], train.phases[mesh.name]
         stiffness = mesh.max_stiffness * np.array([1.0, mesh.stiffness_ratio])
         for side, middle in enumerate(middles):
@@ -194,10 +202,9 @@ def bearings(train: Any) -> tuple[list[tuple[str, str]], np.ndarray]:
     """Return the forces of the bodies on their bearings as (names, rows).
 
     A name is (name of the body, "x", "y", "radial" or "tangential"). Rows, shape (r, 3 n + m + 1),
-    hold factors of n coordinates, n rates, n accelerations, m mesh forces and the acceleration of
-    the phase; the sum of the products is a force in N. Forces that are always 0 are left out. The
-    force on an elastic bearing follows from its deflection, and the force on a rigid bearing from
-    the equilibrium of the body.
+    are multiplied by n coordinates, n rates, n accelerations, m mesh forces and the acceleration of
+    the phase; the result is a force in N. An elastic bearing carries the force of its deflection, a
+    rigid one balances the other forces. Forces that are always 0 are left out.
     """
     structure = train.structure
     m, n = structure.lines.shape

@@ -116,14 +116,18 @@ def write_fmu(
 
 
 def _literal(value: Any) -> str:
-    """Return a number or an array as C source; floats are hexadecimal, so that they are exact."""
+    """Return a number or an array as C source; hexadecimal floats are exact."""
     if isinstance(value, np.ndarray):
         return f"{{{', '.join(map(_literal, value))}}}"
     return float(value).hex() if isinstance(value, float) else str(int(value))
 
 
 def _header(data: dict[str, Any]) -> str:
-    """Return the C header with the constants of a train, `data`: name in C -> value."""
+    """Return the C header with the constants of a train.
+
+    `data` maps names in C to arrays, floats or integers. Arrays become static constants, and
+    numbers become macros, because C needs them as sizes of arrays.
+    """
     lines = ["/* Matrices of a gear train in SI units, written by gearlib. */\n"]
     for name, value in data.items():
         if isinstance(value, np.ndarray):
@@ -136,11 +140,12 @@ def _header(data: dict[str, Any]) -> str:
 
 
 def _binary(sources: dict[str, str], identifier: str) -> dict[str, bytes]:
-    """Compile the sources and return the shared library: {name in the FMU: content}.
+    """Compile the C sources; return the shared library as {path in the FMU: content}.
 
-    `sources` maps file names to texts, and `identifier` is the model identifier. If there is no
-    compiler, or it fails, a warning says so and the result is empty.
+    `sources` maps file names to source code, and `identifier` is the model identifier. If there is
+    no compiler, or it fails, warn with the reason and return an empty dict.
     """
+    # FMI names the folder of a binary by processor and operating system, as in x86_64-linux.
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
     system, suffix = _SYSTEMS.get(platform.system(), ("linux", ".so"))
     names = [name for name in (os.environ.get("CC"), "cc", "gcc", "clang") if name]
@@ -161,7 +166,10 @@ def _binary(sources: dict[str, str], identifier: str) -> dict[str, bytes]:
 
 
 def _tag(tag: str, content: str = "", /, **attributes: Any) -> str:
-    """Return an XML element with the given content; attributes that are None are left out."""
+    """Return an XML element called `tag` with the given content and attributes as a string.
+
+    Attributes that are None are left out.
+    """
     text = "".join(
         f" {name}={quoteattr(str(value))}"
         for name, value in attributes.items()
@@ -180,9 +188,11 @@ def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tu
     variables: list[tuple[dict, str]] = []
 
     def add(name, unit, description, kind="Float64", shown=True, start=None, **attributes):
-        """Add a variable of the type `kind` with the next value reference.
+        """Add a variable of the FMI type `kind` with the next value reference to `variables`.
 
-        `start` is its initial value. A variable that is not shown only uses up its reference.
+        `start` is its initial value, None if it is computed; `attributes` are others of its XML
+        element. A variable that is not `shown` still uses its reference, because the C source
+        numbers all of them.
         """
         nonlocal reference
         if start is not None:
@@ -237,10 +247,11 @@ def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tu
 
 
 def _description(train, data, bearing_names, identifier: str, token: str) -> str:
-    """Return the text of modelDescription.xml.
+    """Return modelDescription.xml, which lists the variables and capabilities of the FMU.
 
-    `data` are the constants of the template, `bearing_names` pairs (body, axis), `identifier` the
-    model identifier, and `token` the instantiation token without braces.
+    `data` maps names in C to the constants of the train, and `bearing_names` are pairs (body,
+    axis). `identifier` is the model identifier, and `token` is the instantiation token, a hash,
+    without braces.
     """
     variables = _variables(train, data, bearing_names)
     units = "".join(
@@ -276,7 +287,10 @@ def _description(train, data, bearing_names, identifier: str, token: str) -> str
 
 
 def _build_description(identifier: str) -> str:
-    """Return the text of buildDescription.xml for a model identifier."""
+    """Return buildDescription.xml, by which importers compile the sources, as a string.
+
+    `identifier` is the model identifier.
+    """
     source = _tag("SourceFileSet", _tag("SourceFile", name="gear_train.c"), language="C99")
     configuration = _tag("BuildConfiguration", source, modelIdentifier=identifier)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + _tag(
