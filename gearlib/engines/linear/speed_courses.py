@@ -192,7 +192,7 @@ class PieceIntervals(NamedTuple):
         return np.array([piece.length])
 
     def end_times(self, lengths: np.ndarray) -> np.ndarray:
-        """Return the ends of p stiffness segments, (p,), in time theta since their interval's start.
+        """Return the ends of p stiffness segments, (p,), in theta since their interval's start.
 
         `lengths`, shape (p,), has the durations of the segments in theta. Intervals are mesh
         periods. Each is summed on its own, so that rounding does not grow with the run: in a table

@@ -58,10 +58,11 @@ UNFILLED, NO_TABLE = -1.0, -2.0
 def fill_level_constants(level, length, row):
     """Fill `row`, shape (LEVEL_COLUMNS,), with the constants of a stiffness `Level`.
 
-    `length` is the phase length of a segment of this stiffness. END_X and END_S are the
-    displacements at its end of motions that start with displacement 1 and with velocity 1.
-    LAST_ENTRY is UNFILLED until `fill_table` is called, or NO_TABLE if the level does not
-    oscillate.
+    The level is the linear oscillator u'' + DAMPING u' + STIFFNESS u = 0 of a mesh in contact; u
+    counts from its equilibrium. `length`, in rad of mesh phase, is the length of a segment of this
+    stiffness. END_X and END_S are the displacements at its end of motions that start with
+    displacement 1 and with velocity 1. LAST_ENTRY is UNFILLED until `fill_table` is called, or
+    NO_TABLE if the level does not oscillate.
     """
     natural_frequency = math.sqrt(level.natural_squared)
     oscillates = level.damping_kind == UNDERDAMPED
@@ -73,6 +74,8 @@ def fill_level_constants(level, length, row):
     row[SPACING] = 1.0 / (ENTRIES_PER_RADIAN * natural_frequency)
     row[ENTRIES_PER_TIME] = ENTRIES_PER_RADIAN * natural_frequency
     row[CYCLE_TIME] = 2.0 * math.pi / level.frequency if oscillates else math.inf
+    # A motion with less energy than this never reaches the flank line, which lies one equilibrium
+    # deflection away.
     max_energy = level.natural_squared * level.equilibrium * level.equilibrium
     row[MAX_ENERGY] = max_energy * ROUNDING_MARGIN
     row[LAST_ENTRY] = UNFILLED if oscillates else NO_TABLE
@@ -84,11 +87,11 @@ def fill_level_constants(level, length, row):
 
 @kernel
 def fill_table(level, row, table):
-    """Fill `table`, shape (ENTRIES, 2), with the fundamental solutions X and S of a `Level`.
+    """Fill `table`, shape (ENTRIES, 2), with two solutions X and S of a stiffness `Level`.
 
-    X starts with displacement 1 and velocity 0, S with displacement 0 and velocity 1; entries are
-    equally spaced in time. `row` holds the constants from `fill_level_constants` and receives the
-    Taylor coefficients of X and S.
+    The level is the linear oscillator of a mesh in contact. X starts with displacement 1 and
+    velocity 0, S with displacement 0 and velocity 1; entries are equally spaced in time. `row`
+    holds the constants from `fill_level_constants` and receives the Taylor coefficients of X and S.
     """
     damping, stiffness, spacing = row[DAMPING], row[STIFFNESS], row[SPACING]
     # Taylor coefficients follow from u'' = -damping u' - stiffness u.
@@ -119,9 +122,9 @@ def fill_table(level, row, table):
 def advance_by_responses(levels, i, u, v, x, s):
     """Return displacement and velocity of a motion in contact, from (u, v), at a later time.
 
-    x and s are the fundamental solutions X and S at that time: X starts with displacement 1 and
-    velocity 0, S with displacement 0 and velocity 1. Row i of `levels` holds the
-    constants of the stiffness level, and displacements count from its equilibrium.
+    x and s are two solutions at that time: x starts with displacement 1 and velocity 0, s with
+    displacement 0 and velocity 1. Row i of `levels` holds the constants of the oscillator at one
+    stiffness, and displacements count from its equilibrium.
     """
     return u * x + v * s, v * (x - levels[i, DAMPING] * s) - levels[i, STIFFNESS] * u * s
 
@@ -130,9 +133,12 @@ def advance_by_responses(levels, i, u, v, x, s):
 def advance_by_series(levels, i, u, v, t):
     """Return displacement and velocity of a motion in contact, from (u, v), a short time t away.
 
-    Row i of `levels` holds the Taylor coefficients (X2 ... S8) of the fundamental solutions X and S
-    of the stiffness level; displacements count from its equilibrium.
+    Row i of `levels` holds the constants of the oscillator at one stiffness, whose equilibrium is
+    at displacement 0. X2 to X8 are Taylor coefficients of the solution X that starts with
+    displacement 1 and velocity 0, S2 to S8 of the solution S that starts with displacement 0 and
+    velocity 1.
     """
+    # The polynomials X = 1 + X2 t^2 + ... and S = t + S2 t^2 + ..., in nested form.
     q = t * t
     x = levels[i, X6] + t * levels[i, X7] + q * levels[i, X8]
     x = levels[i, X2] + t * levels[i, X3] + q * (levels[i, X4] + t * levels[i, X5] + q * x)
@@ -146,13 +152,16 @@ def provably_stays_in_contact(is_half_cycle, is_cycle, v, end_x, end_v):
     """Return whether a motion in contact provably has no minimum below the flank line.
 
     Its velocity is v at the start and `end_v` at the end, where its displacement from the flank
-    line is `end_x`. The flags say whether it is shorter than half a cycle and than a whole cycle of
-    the oscillation. Within a cycle, a motion that rises first and falls last has a maximum only.
+    line (at which the flanks just touch) is `end_x`. `is_half_cycle` and `is_cycle` say whether it
+    is shorter than half a cycle and than a cycle of the oscillation.
     """
     if not end_x >= 0.0:
         return False
+    # Within half a cycle there is at most one extremum. A motion that rises first, or falls last,
+    # has no minimum inside.
     if is_half_cycle:
         return v >= 0.0 or end_v < 0.0
+    # Within a cycle, a motion that rises first and falls last has a maximum only.
     return is_cycle and v >= 0.0 and end_v < 0.0
 
 
@@ -160,9 +169,10 @@ def provably_stays_in_contact(is_half_cycle, is_cycle, v, end_x, end_v):
 def _step_to_line(height, speed, acceleration, jerk, rate):
     """Return (step, nonlinearity): the time until a height is zero, by an inverted Taylor series.
 
-    `height`, `speed`, `acceleration` and `jerk` are the value and the derivatives of the height,
-    and `rate` is an upper bound of the oscillator's rates. The error of the step grows with the
-    nonlinearity, a dimensionless estimate of the terms of higher order.
+    `height`, `speed`, `acceleration` and `jerk` are the height above the flank line and its
+    derivatives; `rate` is an upper bound of the oscillator's rates. The error of the step grows
+    with the nonlinearity, a dimensionless estimate of the terms of higher order. If it is too
+    large, the step is a plain Newton step.
     """
     inverse = 1.0 / speed
     r = -height * inverse
@@ -178,10 +188,11 @@ def first_loss_of_contact(levels, tables, i, u, v, k, max_time):
     """Return (time, velocity, table entry) of the first loss of contact within `max_time`.
 
     The motion starts with displacement u from the equilibrium of stiffness level i and velocity v.
-    Newton's method starts from entry k of `tables[i]`, shape (ENTRIES, 2), two solutions at equally
-    spaced times; `levels[i]` holds the constants of the level. The time is -1 if the loss is not
-    proven to be the first. It is proven within one oscillation of a motion that starts upwards, in
-    which only one descent lies, and within half an oscillation of a motion that starts downwards.
+    Newton's method starts from entry k of `tables[i]`, shape (ENTRIES, 2): two solutions at equally
+    spaced times, with start displacement 1 and with start velocity 1. `levels[i]` holds the
+    constants of the level. The time is -1 if the loss is not proven to be the first. It is the
+    first within one oscillation after a start upwards, in which only one descent lies, and within
+    half an oscillation after a start downwards.
     """
     equilibrium = levels[i, EQUILIBRIUM]
     stiffness, damping = levels[i, STIFFNESS], levels[i, DAMPING]
@@ -190,12 +201,14 @@ def first_loss_of_contact(levels, tables, i, u, v, k, max_time):
         if k < 0 or k > last:
             break
         x, speed = advance_by_responses(levels, i, u, v, tables[i, k, 0], tables[i, k, 1])
+        # Contact is lost only while the displacement falls.
         if not speed < 0.0:
             break
         acceleration = -damping * speed - stiffness * x
         jerk = -damping * acceleration - stiffness * speed
         t, _ = _step_to_line(equilibrium + x, speed, acceleration, jerk, rate)
         entry_distance = t * levels[i, ENTRIES_PER_TIME]
+        # Close to an entry a Taylor polynomial is exact; one more step then reaches the root.
         if abs(entry_distance) <= _MAX_ENTRY_DISTANCE:
             x, speed = advance_by_series(levels, i, x, speed, t)
             acceleration = -damping * speed - stiffness * x
@@ -210,6 +223,7 @@ def first_loss_of_contact(levels, tables, i, u, v, k, max_time):
             break
         if not abs(entry_distance) <= ENTRIES:
             break
+        # Otherwise the next Newton step starts from the entry nearest to the estimate.
         k += int(math.floor(entry_distance + 0.5))
     return -1.0, 0.0, k
 
@@ -218,11 +232,13 @@ def first_loss_of_contact(levels, tables, i, u, v, k, max_time):
 def lowest_entry(levels, tables, i, u, v):
     """Return (k, is_below): the table entry k at which a motion in contact is lowest.
 
-    If entries lie below the flank line, k is the first of them and `is_below` is True. Only each
-    third entry is checked. The motion starts with displacement u from the equilibrium of stiffness
-    level i and velocity v. `levels[i]` holds constants of the level, `tables[i]`, shape (ENTRIES,
-    2), two solutions at equally spaced times, with start displacement 1 and with start velocity 1.
+    If checked entries lie below the flank line, k is the first of them and `is_below` is True.
+    Every third entry is checked. The motion starts with displacement u from the equilibrium of
+    stiffness level i and velocity v. `levels[i]` holds constants of the level, `tables[i]`, shape
+    (ENTRIES, 2), two solutions at equally spaced times, with start displacement 1 and with start
+    velocity 1.
     """
+    # The flank line, at which the flanks just touch, counted from the equilibrium.
     line = -levels[i, EQUILIBRIUM]
     lowest, lowest_k, k = math.inf, 0, 0
     while k <= int(levels[i, LAST_ENTRY]):
@@ -239,10 +255,11 @@ def lowest_entry(levels, tables, i, u, v):
 def first_minimum_is_above(levels, tables, i, u, v, k):
     """Return whether the first minimum of a motion in contact provably lies above the flank line.
 
-    The motion starts with displacement u from the equilibrium of stiffness level i and velocity v;
+    The motion starts with displacement u from the equilibrium of stiffness level i and velocity v.
     `levels[i]` holds constants of the level, `tables[i]`, shape (ENTRIES, 2), two solutions at
-    equally spaced times. Newton's method starts at entry k. A minimum within one oscillation is the
-    first one, and later minima are higher.
+    equally spaced times, with start displacement 1 and with start velocity 1. Newton's method, for
+    zero velocity, starts at entry k. A minimum within one oscillation is the first one, and later
+    minima are higher.
     """
     stiffness, damping = levels[i, STIFFNESS], levels[i, DAMPING]
     for _ in range(_MAX_NEWTON_STEPS):
@@ -254,6 +271,7 @@ def first_minimum_is_above(levels, tables, i, u, v, k):
         entry_distance = t * levels[i, ENTRIES_PER_TIME]
         if not (acceleration > 0.0 and abs(entry_distance) <= ENTRIES):
             break
+        # Close to an entry a Taylor polynomial is exact.
         if abs(entry_distance) <= _MAX_ENTRY_DISTANCE:
             x, speed = advance_by_series(levels, i, x, speed, t)
             acceleration = -damping * speed - stiffness * x

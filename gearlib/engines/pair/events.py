@@ -37,13 +37,14 @@ def descent_time(level, u, v, line, max_time):
     """Return the first time in [0, max_time] at which a motion in contact falls through a line.
 
     The time is infinity if it does not. The motion starts with displacement u and velocity v at the
-    stiffness `Level`; u and `line` count from the equilibrium of the level. If it starts below the
-    line, its velocity must be negative.
+    stiffness `Level`, a linear oscillator; u and `line` count from its equilibrium. If the motion
+    starts below the line, its velocity must be negative. Only the first descent is searched,
+    because later minima are higher.
     """
     if u <= line and v < 0.0:
         return 0.0
     turning_time = next_turning_time(level, u, v)
-    # Times at which the descent begins and ends.
+    # The first descent lasts from the first maximum, or from the start, to the next minimum.
     descent_start, descent_end = 0.0, math.inf
     if level.damping_kind == UNDERDAMPED:
         half_oscillation = math.pi / level.frequency
@@ -65,6 +66,7 @@ def descent_time(level, u, v, line, max_time):
     end = min(descent_end, max_time)
     if end <= descent_start:
         return math.inf
+    # The motion crosses the line if it ends below it. A dip as small as rounding counts as none.
     lowest, speed = evolve(level, u, v, end)
     if not lowest < line - GRAZING_TOLERANCE * (abs(u) + abs(line)):
         return math.inf
@@ -75,8 +77,9 @@ def descent_time(level, u, v, line, max_time):
 def _descent_root(level, u, v, line, earliest, latest):
     """Return the time in [earliest, latest] at which a motion in contact falls through a line.
 
-    It has displacement u and velocity v at time 0, at a stiffness `Level`; u and `line` count from
-    the equilibrium of the level. Between `earliest` and `latest` it falls monotonically.
+    At time 0 the motion has displacement u and velocity v at a stiffness `Level`, a linear
+    oscillator; u and `line` count from its equilibrium. Between `earliest` and `latest` it falls
+    monotonically. Newton's method is safeguarded by bisection.
     """
     t = 0.5 * (earliest + latest)
     for step in range(_MAX_NEWTON_STEPS):
@@ -88,6 +91,7 @@ def _descent_root(level, u, v, line, earliest, latest):
         if abs(height - line) <= 2e-16 * abs(line):
             break
         new_t = t - (height - line) / speed if speed < 0.0 else earliest
+        # A step that leaves the bracket, and every eighth step, halves the bracket instead.
         if not earliest < new_t < latest or step % 8 == 7:
             new_t = 0.5 * (earliest + latest)
         step_size = abs(new_t - t)
@@ -99,16 +103,18 @@ def _descent_root(level, u, v, line, earliest, latest):
 
 @kernel
 def next_impact(drag, load, backlash_ratio, x, v):
-    """Return (duration, flank code) of a free flight up to its next impact.
+    """Return (duration, flank code) of a free flight up to its next impact on a flank.
 
     The flight x'' + 2 drag x' = load starts with displacement -backlash_ratio <= x <= 0 and
     velocity v; the ratio > 0 may be infinite. The flank code is 1 for the drive-side flank (x = 0)
     and -1 for the coast-side flank (x = -backlash_ratio).
     """
+    # The load acts upwards, so that a rising flight reaches the drive-side flank.
     if v >= 0.0:
         return climb_time(drag, load, -x, v), 1
     if x <= -backlash_ratio:
         return 0.0, -1
+    # A falling flight hits the coast-side flank if its lowest point lies beyond it, else it turns.
     t = lowest_point_time(drag, load, v)
     lowest, _ = free_flight(drag, load, x, v, t)
     if lowest < -backlash_ratio * (1.0 + GRAZING_TOLERANCE):
@@ -123,12 +129,13 @@ ARC_COLUMNS = 6
 
 @kernel
 def next_event(mesh, level, contact, x, v, max_duration):
-    """Return (duration, new contact code, x, v) at the end of an arc.
+    """Return (duration, new contact code, x, v) at the next change of contact of a gear pair.
 
-    The arc starts with displacement x, velocity v and the code `contact` (1 drive side, 0 no
-    contact, -1 coast side). `mesh` holds the `PairConstants`, `level` the `Level` of the present
-    stiffness. The arc ends at the first crossing of a flank line, where x is exact, or after
-    `max_duration`, and then the contact code does not change.
+    The motion starts with displacement x, velocity v and the code `contact` (1 drive side, 0 no
+    contact, -1 coast side). `mesh` holds the `PairConstants` of the pair, `level` the `Level`
+    (linear oscillator) of the present stiffness. If no flank line is crossed within `max_duration`,
+    the result is the state after this time with the same contact code; otherwise x lies exactly on
+    the line.
     """
     if contact == NO_CONTACT:
         t, flank_code = next_impact(mesh.drag, mesh.load, mesh.backlash_ratio, x, v)
@@ -139,12 +146,14 @@ def next_event(mesh, level, contact, x, v, max_duration):
         if flank_code == DRIVE:
             return t, DRIVE, 0.0, max(v, 0.0)
         return t, COAST, -mesh.backlash_ratio, min(v, 0.0)
+    # Displacements u count from the equilibrium, which lies above the flank line.
     if contact == DRIVE:
         u = x - level.equilibrium
         t = descent_time(level, u, v, -level.equilibrium, max_duration)
         if t <= max_duration:
             _, speed = evolve(level, u, v, t)
             if speed < 0.0:
+                # Without backlash, the loss of contact on one side is contact on the other side.
                 return t, (COAST if mesh.backlash_ratio == 0.0 else NO_CONTACT), 0.0, speed
         u, v = evolve(level, u, v, max_duration)
         return max_duration, contact, u + level.equilibrium, v
@@ -163,11 +172,11 @@ def next_event(mesh, level, contact, x, v, max_duration):
 def march_segment(mesh, level_index, start, length, contact, x, v, arcs, arc_count, max_arcs):
     """Run through a segment of constant stiffness; return (contact code, x, v, number of arcs).
 
-    `mesh` holds the `PairConstants`. The segment has stiffness level 0 (C_min) or 1 (C_max) and
-    covers the phase `length` from phase `start` of the mesh period; the motion enters it with a
-    contact code, displacement x and velocity v. Rows of the arc table `arcs`, shape (n, 6), are
-    filled from row `arc_count` on. If more than `max_arcs` arcs are needed, the number is max_arcs
-    + 1.
+    An arc is the motion between two events. The segment has stiffness level 0 (C_min) or 1 (C_max)
+    and covers the phase `length` from phase `start` of the mesh period; the motion enters it with a
+    contact code (1, 0, -1), displacement x and velocity v. Rows of the arc table `arcs`, shape (n,
+    6), are filled from row `arc_count` on. If more than `max_arcs` arcs are needed, the number is
+    max_arcs + 1. `mesh` holds the `PairConstants`.
     """
     _, contact, x, v, arc_count = march_rest_of_segment(
         mesh, level_index, start, 0.0, length, contact, x, v, arcs, arc_count, max_arcs, False
@@ -182,8 +191,12 @@ def march_rest_of_segment(
     """Run through the rest of a segment of constant stiffness, from the phase t after its start.
 
     Returns (t, contact code, x, v, number of arcs) at the end of the segment, or with
-    `until_impact` at the next impact on the drive-side flank. At t the motion has a contact code,
-    displacement x and velocity v. See `march_segment` for the segment and the arc table.
+    `until_impact` at the next impact on the drive-side flank. At t the motion has a contact code
+    (1, 0, -1), displacement x and velocity v. The segment begins at the phase `start` of the mesh
+    period and has the phase `length` and stiffness level 0 (C_min) or 1 (C_max). Arcs, parts of the
+    motion between two events, are written to rows of `arcs`, (n, 6), from `arc_count` on, if the
+    table has them. More than `max_arcs` arcs end the run, with the number max_arcs + 1. `mesh`
+    holds the `PairConstants`.
     """
     level = mesh.high_level if level_index == 1 else mesh.low_level
     while t < length:
@@ -199,6 +212,7 @@ def march_rest_of_segment(
             arcs[arc_count, VELOCITY] = v
         arc_count += 1
         x, v = new_x, new_v
+        # No event follows before the end of the segment.
         if new_contact == contact:
             return length, contact, x, v, arc_count
         contact = new_contact
@@ -212,12 +226,15 @@ def march_rest_of_segment(
 def march_period(mesh, contact, x, v, arcs, max_arcs):
     """Run through one mesh period; return (contact code, x, v, number of arcs) at its end.
 
-    `mesh` holds the `PairConstants`. The motion starts in the middle of the C_max segment with a
-    contact code, displacement x and velocity v. The arc table `arcs`, shape (n, 6), is filled;
-    `max_arcs` is the largest number of arcs.
+    An arc is the motion between two events. `mesh` holds the `PairConstants`. The motion starts in
+    the middle of the C_max segment with a contact code (1, 0, -1), displacement x and velocity v.
+    The arc table `arcs`, shape (n, 6), is filled; a run through more than `max_arcs` arcs ends
+    early.
     """
     arc_count, start = 0, 0.0
     for segment in range(3):
+        # Half of the C_max segment (level 1), the C_min segment (0), the other half of the C_max
+        # segment.
         level_index = 1 - segment % 2
         length = mesh.half_high_length if level_index == 1 else mesh.low_length
         contact, x, v, arc_count = march_segment(

@@ -24,7 +24,7 @@ from gearlib.engines.pair.motion import contact_of, propagators
 
 @inlined_kernel
 def multiply_from_left(a, b, c, d, matrix):
-    """Replace `matrix`, shape (2, 2), by the product of [[a, b], [c, d]] and `matrix`."""
+    """Replace `matrix`, shape (2, 2), by the product of [[a, b], [c, d]] and `matrix`, in place."""
     for j in range(2):
         upper, lower = matrix[0, j], matrix[1, j]
         matrix[0, j] = a * upper + b * lower
@@ -35,15 +35,17 @@ def multiply_from_left(a, b, c, d, matrix):
 def multiply_by_arc_maps(mesh, arcs, arc_count, previous_code, matrix):
     """Multiply `matrix`, shape (2, 2), from the left by the Jacobian matrices of successive arcs.
 
+    An arc is the motion between two events; its Jacobian matrix maps small perturbations (dx, dx').
     The first `arc_count` rows of the arc table `arcs`, shape (n, 6), are used. `mesh` holds the
-    `PairConstants`, and `previous_code` is the contact code before the first arc. Returns the
-    contact code of the last arc.
+    `PairConstants`, and `previous_code` is the contact code (1, 0, -1) before the first arc.
+    Returns the contact code of the last arc.
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
         level = mesh.high_level if arcs[i, LEVEL] == 1.0 else mesh.low_level
         if contact != previous_code:
-            # The saltation matrix: only the damping changes at a flank line.
+            # The saltation matrix of a flank crossing. The mesh force is zero there, so that the
+            # acceleration jumps by the damping only, in proportion to the velocity.
             decay_before = mesh.drag if previous_code == NO_CONTACT else level.decay_rate
             decay_after = mesh.drag if contact == NO_CONTACT else level.decay_rate
             multiply_from_left(1.0, 0.0, -2.0 * (decay_after - decay_before), 1.0, matrix)
@@ -57,6 +59,7 @@ def multiply_by_arc_maps(mesh, arcs, arc_count, previous_code, matrix):
                 response = -math.expm1(-2.0 * mesh.drag * t) / (2.0 * mesh.drag)
             multiply_from_left(1.0, response, 0.0, decay, matrix)
         else:
+            # The Jacobian matrix of a linear oscillator with the decay rate a.
             c, s = propagators(level, t)
             a = level.decay_rate
             multiply_from_left(c + a * s, s, -level.natural_squared * s, c - a * s, matrix)
@@ -67,9 +70,10 @@ def multiply_by_arc_maps(mesh, arcs, arc_count, previous_code, matrix):
 def fill_period_maps(mesh, x, v, periods, max_arcs, matrices):
     """Run through mesh periods and fill the Jacobian matrix of each; return (x, v, status).
 
-    The motion starts with displacement x and velocity v at tau = 0. `matrices`, shape (periods, 2,
-    2), receive the derivatives of the state at the end of each period with respect to the state at
-    its start. `mesh` holds the `PairConstants`; a period has at most `max_arcs` arcs.
+    The motion starts with displacement x and velocity v at mesh phase 0. `matrices`, shape
+    (periods, 2, 2), receive the derivatives of the state at the end of each period with respect to
+    the state at its start. `mesh` holds the `PairConstants`. A period has at most `max_arcs` arcs,
+    parts of the motion between two events.
     """
     arcs = np.empty((64, ARC_COLUMNS))
     contact = contact_of(mesh.backlash_ratio, x, v)
@@ -79,6 +83,7 @@ def fill_period_maps(mesh, x, v, periods, max_arcs, matrices):
         contact, x, v, arc_count = march_period(mesh, contact, x, v, arcs, max_arcs)
         if arc_count > max_arcs:
             return x, v, EVENT_LIMIT
+        # The arc table was too small, so that the period is run once more with a larger one.
         if arc_count > arcs.shape[0]:
             arcs = np.empty((2 * arc_count, ARC_COLUMNS))
             contact, x, v = start

@@ -48,7 +48,10 @@ _MAX_EXPONENT = 700.0
 
 @inlined_kernel
 def decay(z):
-    """Return exp(-z) for z >= 0 to one unit in the last place, by arithmetic only."""
+    """Return exp(-z) for z >= 0 to one unit in the last place, by arithmetic only.
+
+    Without a call of the C library, loops over tables are faster and can be vectorised.
+    """
     z = z if z < _MAX_EXPONENT else _MAX_EXPONENT
     # exp(-z) = 2^k exp(r), where k is an integer and |r| <= ln 2 / 2.
     rounded = _ROUNDING - z * _LOG2_E
@@ -67,11 +70,14 @@ def decay(z):
 
 @inlined_kernel
 def cos_sin(angle):
-    """Return (cosine, sine) of an angle in rad, at most 2^20 quarter turns, by arithmetic only."""
+    """Return (cosine, sine) of an angle in rad, at most 2^20 quarter turns, by arithmetic only.
+
+    The error is one unit in the last place of 1. The polynomials hold for |r| <= pi / 4.
+    """
     rounded = angle * _TWO_OVER_PI + _ROUNDING
     k = rounded - _ROUNDING
     r = (angle - k * _QUARTER_HIGH) - k * _QUARTER_LOW
-    # The angle is k quarter turns plus r, |r| <= pi / 4. The coefficients are taken from fdlibm.
+    # The angle is k quarter turns plus r. The coefficients are taken from the library fdlibm.
     z = r * r
     s = 2.75573137070700676789e-06 + z * (
         -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
@@ -84,6 +90,7 @@ def cos_sin(angle):
     c = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * c)
     cosine = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * c))
     quarter = np.float64(rounded).view(np.int64)
+    # Odd numbers of quarter turns exchange cosine and sine; the other bit gives the signs.
     is_odd = (quarter & 1) != 0
     turned_cosine, turned_sine = (sine, cosine) if is_odd else (cosine, sine)
     turned_cosine = -turned_cosine if ((quarter + 1) & 2) != 0 else turned_cosine
@@ -107,7 +114,11 @@ class Level(NamedTuple):
 
 @kernel
 def level_at_tuning(stiffness, damping, tuning):
-    """Return the `Level` for a stiffness c = C / C_s, a damping ratio beta and a tuning nu."""
+    """Return the `Level`, the oscillator of a mesh in contact, at one stiffness and tuning.
+
+    `stiffness` is c = C / C_s, over its mean; `damping` is the damping ratio beta; `tuning` is nu,
+    mesh frequency over natural frequency. Time is the mesh phase, so that rates are divided by nu.
+    """
     decay_rate = damping / tuning
     natural_frequency = math.sqrt(stiffness) / tuning
     # The product does not lose digits near critical damping, as W^2 - a^2 would.
@@ -127,10 +138,12 @@ def level_at_tuning(stiffness, damping, tuning):
 
 @inlined_kernel
 def propagators(level, t):
-    """Return the fundamental solutions C and S of a stiffness `Level` after the time t.
+    """Return the two fundamental solutions C and S of a linear oscillator after the time t.
 
-    With the decay rate a and the damped frequency w of the level, they are C = exp(-a t) cos(w t)
-    and S = exp(-a t) sin(w t) / w if it is under-damped.
+    The oscillator is the stiffness `Level` with the decay rate a and the damped frequency w. If it
+    is under-damped, C = exp(-a t) cos(w t) and S = exp(-a t) sin(w t) / w. If it is over-damped,
+    cosh and sinh replace cos and sin; if critically damped, 1 and t replace cos(w t) and sin(w t) /
+    w.
     """
     if level.damping_kind == UNDERDAMPED:
         decay = math.exp(-level.decay_rate * t)
@@ -149,7 +162,8 @@ def propagators(level, t):
 def evolve(level, u, v, t):
     """Return displacement and velocity of a motion in contact, from (u, v), after the time t.
 
-    The displacement u and the returned displacement count from the equilibrium of the `Level`.
+    The motion is that of a linear oscillator, the stiffness `Level`. The displacement u and the
+    returned displacement count from its equilibrium. Time is the mesh phase.
     """
     c, s = propagators(level, t)
     q = level.decay_rate * v + level.natural_squared * u
@@ -160,9 +174,9 @@ def evolve(level, u, v, t):
 def next_turning_time(level, u, v):
     """Return the first time t > 0 at which a motion in contact has zero velocity, or infinity.
 
-    The motion starts with displacement u from the equilibrium of the stiffness `Level` and velocity
-    v. An under-damped motion turns at intervals pi / w, an over-damped or critical one at most
-    once.
+    The motion is that of a linear oscillator, the stiffness `Level`; it starts with displacement u
+    from the equilibrium and velocity v. An under-damped motion turns at intervals pi / w, an
+    over-damped or critically damped one at most once.
     """
     a, w, is_underdamped = level.decay_rate, level.frequency, level.damping_kind == UNDERDAMPED
     q = a * v + level.natural_squared * u
@@ -195,11 +209,11 @@ class PairConstants(NamedTuple):
 
 @kernel
 def mesh_at_tuning(pair_parameters, tuning):
-    """Return the `PairConstants` of a gear pair at one tuning nu.
+    """Return the `PairConstants` of a gear pair at one tuning nu (mesh / natural frequency).
 
     The parameters, shape (7,), are C_max / C_s, C_min / C_s, the phase lengths of half the C_max
     segment and of the C_min segment, damping ratios beta in contact and beta_m in free flight, and
-    the backlash in static deflections.
+    the backlash in static deflections. C_s is the mean of the stiffness.
     """
     damping, drag = pair_parameters[4], pair_parameters[5] / tuning
     backlash_ratio = pair_parameters[6]
@@ -216,8 +230,8 @@ def mesh_at_tuning(pair_parameters, tuning):
 def contact_of(backlash_ratio, x, v):
     """Return the contact code of a gear pair at displacement x and velocity v.
 
-    It is 1 in drive-side contact, from x = 0 upwards, -1 in coast-side contact, from
-    x = -backlash_ratio downwards, and 0 without contact; see `contact_between`.
+    It is 1 in drive-side contact, from x = 0 upwards, -1 in coast-side contact, from x =
+    -backlash_ratio downwards, and 0 without contact. On these lines the velocity decides.
     """
     return contact_between(0.0, -backlash_ratio, x, v)
 
@@ -227,8 +241,8 @@ def contact_between(drive_line, coast_line, x, v):
     """Return the contact code at displacement x and velocity v.
 
     It is 1 in drive-side contact, above `drive_line`, -1 in coast-side contact, below `coast_line`,
-    and 0 without contact. On a line the code is the one just after; there a mesh at rest moves up,
-    because the load acts upwards.
+    and 0 without contact. On a line the velocity decides about the contact just after; a mesh at
+    rest moves up, because the load acts upwards.
     """
     if x > drive_line or (x == drive_line and v >= 0.0):
         return DRIVE
@@ -250,9 +264,10 @@ _MAX_NEWTON_STEPS = 60
 def _phi_series(z):
     """Return the functions phi1, phi2 and phi3 at a small z >= 0 by Taylor series.
 
-    phi1 = (1 - exp(-z)) / z, phi2 = (1 - phi1) / z, phi3 = (1/2 - phi2) / z. The series are
-    truncated where z^13 / 15! < 1e-16.
+    phi1 = (1 - exp(-z)) / z, phi2 = (1 - phi1) / z, phi3 = (1/2 - phi2) / z. These quotients would
+    lose digits at small z. The series are truncated where z^13 / 15! < 1e-16.
     """
+    # The series of phi3 has the coefficients 1 / 3!, -1 / 4!, ..., 1 / 14!, in nested form.
     series = 1.0 / 87178291200.0
     series = 1.0 / 6227020800.0 - z * series
     series = 1.0 / 479001600.0 - z * series
@@ -273,7 +288,8 @@ def _phi_series(z):
 def phi_functions(z):
     """Return exp(-z), phi1, phi2 and phi3 for z >= 0, without loss of digits at small z.
 
-    phi1 = (1 - exp(-z)) / z, phi2 = (1 - phi1) / z, phi3 = (1/2 - phi2) / z.
+    phi1 = (1 - exp(-z)) / z, phi2 = (1 - phi1) / z, phi3 = (1/2 - phi2) / z. A motion with linear
+    drag is a combination of these functions.
     """
     if z < _MAX_SERIES_ARGUMENT:
         phi1, phi2, phi3 = _phi_series(z)
@@ -288,7 +304,8 @@ def phi_functions(z):
 def free_flight(drag, load, x, v, t):
     """Return displacement and velocity of a free flight, from (x, v), after the time t.
 
-    The equation of motion is x'' + 2 drag x' = load.
+    The equation of motion is x'' + 2 drag x' = load. With the phi functions the closed form also
+    holds without drag and loses no digits at small drag.
     """
     exponential, phi1, phi2, _ = phi_functions(2.0 * drag * t)
     return x + t * (v * phi1 + load * t * phi2), v * exponential + load * t * phi1
@@ -298,7 +315,7 @@ def free_flight(drag, load, x, v, t):
 def lowest_point_time(drag, load, v):
     """Return the time until the lowest point of a free flight with initial velocity v < 0.
 
-    The equation of motion is x'' + 2 drag x' = load.
+    The equation of motion is x'' + 2 drag x' = load, with load > 0.
     """
     if drag == 0.0:
         return -v / load
@@ -309,8 +326,8 @@ def lowest_point_time(drag, load, v):
 def climb_time(drag, load, depth, v):
     """Return the time in which a free flight x'' + 2 drag x' = load climbs by `depth` >= 0.
 
-    The flight starts with velocity v >= 0. Newton's method starts from the time without drag, a
-    lower bound, and overshoots at most once, since the height is convex or concave throughout.
+    The flight starts with velocity v >= 0. Newton's method starts from the time without drag, which
+    is a lower bound. It overshoots at most once, since the height is convex or concave throughout.
     """
     if depth <= 0.0:
         return 0.0
@@ -336,6 +353,7 @@ def fall_time(drag, load, depth, v):
     t = 0.0
     for _ in range(_MAX_NEWTON_STEPS):
         height, speed = free_flight(drag, load, depth, v, t)
+        # Rounding has carried the last step over the root.
         if not (height > 0.0 and speed < 0.0):
             break
         step = height / speed
@@ -350,7 +368,8 @@ def _scaled_flight_time(q):
     """Return -T load / v for a free flight of duration T back to its starting height.
 
     The flight x'' + 2 drag x' = load starts with v < 0; q = -2 drag v / load is at most 1/2. The
-    polynomial is a Chebyshev series in powers of 4 q - 1 with a remainder below 1e-17.
+    scaled time depends on q only. The polynomial is a Chebyshev series, written in powers of 4 q -
+    1, with a remainder below 1e-17.
     """
     x = 4.0 * q - 1.0
     x2 = x * x
@@ -372,7 +391,7 @@ def return_flight(drag, load, v):
 
     The equation of motion is x'' + 2 drag x' = load. The impulses of the drag on the way down and
     on the way up cancel, so that the impact velocity is v + load T. With z = 2 drag T and Q = -2
-    drag v / load, T obeys z = (1 + Q) (1 - exp(-z)), one function of Q for all flights.
+    drag v / load, T obeys z = (1 + Q) (1 - exp(-z)), an equation in which only Q occurs.
     """
     if drag == 0.0:
         return -2.0 * v / load, -v

@@ -42,8 +42,8 @@ _END_DISTANCE, _SAME_STATE, _VISIBLE_DISTANCE = 1e-6, 1e-5, 1e-3
 def period_status(x, v, arc_count, max_arcs):
     """Return the status of a run after a mesh period: OK, EVENT_LIMIT or OVERFLOW.
 
-    x and v are displacement and velocity at its end. EVENT_LIMIT means that its number of arcs,
-    `arc_count`, exceeds `max_arcs`.
+    x and v are displacement and velocity at its end. EVENT_LIMIT means that it had more than
+    `max_arcs` arcs (parts of the motion between two events); `arc_count` is its number of arcs.
     """
     if arc_count > max_arcs:
         return EVENT_LIMIT
@@ -52,12 +52,12 @@ def period_status(x, v, arc_count, max_arcs):
 
 @inlined_kernel
 def run_whole_period(mesh, work, n, contact, x, v, max_arcs, arcs):
-    """Run through mesh period n and keep all its arcs; return the state at its end and the arcs.
+    """Run through mesh period n and keep all its arcs, the parts of the motion between two events.
 
-    `mesh` holds the `PairConstants`, and `work` is storage prepared for them. The motion starts
-    with the contact code `contact`, displacement x and velocity v. The arc table `arcs`, shape (k,
-    6), is enlarged if needed, up to `max_arcs` rows. Returns (contact code, x, v, number of arcs,
-    arc table).
+    The motion starts with the contact code `contact` (1, 0, -1), displacement x and velocity v. The
+    arc table `arcs`, shape (k, 6), is enlarged if needed, up to `max_arcs` rows. `mesh` holds the
+    `PairConstants`, and `work` is storage prepared for them. Returns (contact code, x, v, number of
+    arcs, arc table) at the end of the period.
     """
     memory, start = work.memory, (contact, x, v)
     # A free flight in progress at the start is kept in case the period has to be run again.
@@ -66,6 +66,7 @@ def run_whole_period(mesh, work, n, contact, x, v, max_arcs, arcs):
     contact, x, v, count = advance_periods(
         mesh, work, n, contact, x, v, np.int64(1), max_arcs, arcs
     )
+    # The table was too small, so that the period is run once more from the same start.
     if arcs.shape[0] < count <= max_arcs:
         arcs = np.empty((2 * count, ARC_COLUMNS))
         memory[REMAINING], memory[FLIGHT_DURATION] = remaining, duration
@@ -76,13 +77,14 @@ def run_whole_period(mesh, work, n, contact, x, v, max_arcs, arcs):
 
 @kernel
 def run_unrecorded(mesh, work, contact, x, v, periods, max_arcs):
-    """Run through a number of mesh `periods` from tau = 0 without a record.
+    """Run through a number of mesh `periods` from mesh phase 0 without a record.
 
-    `mesh` holds the `PairConstants`, and `work` is storage prepared for them. The motion starts
-    with the contact code `contact`, displacement x and velocity v; a period has at most `max_arcs`
-    arcs. Once it has settled, the linearised map replaces the remaining periods. Returns (contact
-    code, x, v, status, repeat, is_on_orbit): `repeat` is the period of the settled orbit or 0, and
-    `is_on_orbit` says whether the distance from the orbit is below rounding.
+    The motion starts with the contact code `contact` (1, 0, -1), displacement x and velocity v; a
+    period has at most `max_arcs` arcs (parts between two events). Once the motion has provably
+    settled on a periodic orbit, the linearised map replaces the remaining periods. `mesh` holds the
+    `PairConstants`, and `work` is storage prepared for them. Returns (contact code, x, v, status,
+    repeat, is_on_orbit): `repeat` is the period of the settled orbit or 0, and `is_on_orbit` says
+    whether the distance from the orbit is below rounding.
     """
     n, next_check, check_interval = np.int64(0), 2 * _CHECK_INTERVAL, _CHECK_INTERVAL
     settled, is_on_orbit = settling.unsettled(), False
@@ -98,6 +100,7 @@ def run_unrecorded(mesh, work, contact, x, v, periods, max_arcs):
             return contact, x, v, status, 0, False
         if settled.repeat > 0 or n < next_check:
             continue
+        # If stored states repeat, a proof is tried, which itself takes `repeat` periods.
         repeat = settling.repeat_period(mesh, work, n, settling.MAX_DISTANCE)
         if repeat == 0 or periods - n < repeat:
             continue
@@ -108,8 +111,10 @@ def run_unrecorded(mesh, work, contact, x, v, periods, max_arcs):
         status = period_status(x, v, count, max_arcs)
         if status != OK:
             return contact, x, v, status, 0, False
+        # Proofs cost time, so that their intervals grow.
         next_check, check_interval = n + check_interval, 2 * check_interval
         if settled.repeat > 0:
+            # All but the last repeats are skipped by the linearised map.
             k = max(0, (periods - n) // repeat - 1)
             offset_x, offset_v = settling.offset_after_repeats(settled, k)
             if k > 0:
@@ -125,12 +130,13 @@ def run_unrecorded(mesh, work, contact, x, v, periods, max_arcs):
 
 @kernel
 def run(mesh, x, v, periods, record_periods, samples, events, max_arcs, summary):
-    """Run a gear pair from displacement x and velocity v at tau = 0; record its last periods.
+    """Run a gear pair from displacement x and velocity v at mesh phase 0; record its last periods.
 
-    x is in static deflections, v = dx/dtau, and `mesh` holds the `PairConstants`. The last
-    `record_periods` of the mesh `periods` are recorded: `samples`, shape (record_periods * n, 6),
-    receive n equal steps per period, where n may be 0; the event table `events`, shape (k, 5), is
-    enlarged as needed unless k = 0; `summary` is filled. A period has at most `max_arcs` arcs.
+    x is in static deflections, v is its derivative by mesh phase, and `mesh` holds the
+    `PairConstants`. The last `record_periods` of the mesh `periods` are recorded: `samples`, shape
+    (record_periods * n, 6), receive n equal steps per period, where n may be 0; the event table
+    `events`, shape (k, 5), is enlarged as needed unless k = 0; `summary` receives extrema and
+    contact times. A period has at most `max_arcs` arcs, parts of the motion between two events.
 
     Returns (x, v, period, events, event count, status): the final state, the proven period of the
     orbit in mesh periods or 0, the event table with its number of events, and OK, EVENT_LIMIT or
@@ -147,10 +153,10 @@ def run(mesh, x, v, periods, record_periods, samples, events, max_arcs, summary)
 def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events, max_arcs, summary):
     """Run a gear pair as `run` does, with storage `work` that `set_mesh` has prepared.
 
-    `mesh` holds the `PairConstants`; x and v are displacement and velocity at tau = 0. `samples`,
-    `events` and `summary` receive the record of the last `record_periods`; `max_arcs` is the
-    largest number of arcs of a period. Returns (x, v, period of the orbit or 0, event table, number
-    of events, status).
+    `mesh` holds the `PairConstants`; x and v are displacement and velocity at mesh phase 0. The
+    last `record_periods` of all `periods` are recorded in `samples`, `events` and `summary`;
+    `max_arcs` is the largest number of arcs (parts between two events) of a period. Returns (x, v,
+    period of the orbit or 0, event table, number of events, status).
     """
     if not is_within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW
@@ -164,7 +170,7 @@ def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events,
         return x, v, 0, events, 0, status
     orbit.clear_summary(summary)
     samples_per_period = samples.shape[0] // record_periods
-    # A settled orbit is computed over one repeat only.
+    # On a settled orbit, one repeat is computed and recorded, then copied.
     computed_periods = repeat if is_on_orbit and record_periods % repeat == 0 else record_periods
     event_rows = 0
     arcs = np.empty((FIRST_ARC_ROWS, ARC_COLUMNS))
@@ -203,14 +209,16 @@ def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events,
 def _proven_period(mesh, work, n, contact, x, v, max_arcs, summary):
     """Return the proven period of the orbit to which a motion converges, or 0 without a proof.
 
-    After n mesh periods the motion has the contact code `contact`, displacement x and velocity v.
-    The states that `work` stores may repeat in a transient as well, so that a proof is needed.
-    `mesh` holds the `PairConstants`, `max_arcs` is the largest number of arcs in a period, and
-    `summary` describes the recorded periods.
+    After n mesh periods the motion has the contact code `contact` (1, 0, -1), displacement x and
+    velocity v. The states that `work` stores may repeat in a transient as well, so that a proof is
+    needed. `mesh` holds the `PairConstants`, `max_arcs` is the largest number of arcs (parts
+    between two events) in a period, and `summary` holds extrema and contact times of the recorded
+    periods.
     """
     period, tolerance = settling.repeat_period(mesh, work, n, _SAME_STATE), _END_DISTANCE
     if summary[orbit.TIME_NO_CONTACT] == 0.0 and summary[orbit.TIME_COAST] == 0.0:
-        # Without contact loss the map is linear and has a single orbit. Within a period, deviations
+        # Without contact loss the map of a period is linear and has a single orbit, so that a
+        # distance is allowed that is too small for a loss of contact. Within a period, deviations
         # grow by less than a factor of 10.
         lowest = 0.1 * summary[orbit.X_MIN]
         period = 1
@@ -230,14 +238,15 @@ def _period_of_stored_states(mesh, work, periods, first_stored, last_stored, rep
     """Return the period of an orbit, from a comparison of its states after each mesh period.
 
     `work` stores the states after the mesh periods `first_stored` to `last_stored` of a run of
-    `periods`. If the run has settled, `repeat` is its period, else 0, and all other states repeat
-    stored states. `summary` gives the displacement range of the orbit; `mesh` holds the
-    `PairConstants`.
+    `periods`. If the run has settled on an orbit, `repeat` is its period, else 0; states that were
+    not computed then equal stored states. `summary` gives the displacement range of the orbit,
+    which scales the tolerance; `mesh` holds the `PairConstants`.
     """
     strobe_count = min(periods, orbit.STROBE_PERIODS)
     strobes = np.empty((strobe_count + 1, 2))
     for i in range(strobe_count + 1):
         n = periods - strobe_count + i
+        # The number n of the period is shifted by whole repeats into the stored range.
         if repeat > 0 and n <= first_stored - repeat:
             n += (first_stored - n) // repeat * repeat
         if n > last_stored:
@@ -253,11 +262,12 @@ def run_many(
 ):
     """Run a gear pair at the tunings ``tunings[order]`` and fill a row of each table per tuning.
 
-    `mesh_at_tuning` explains `pair_parameters`, shape (7,). Each run lasts a `Span` and starts from
-    `state`, shape (2,), or, with `warm_start`, from the end of the previous run unless that failed.
-    A displacement beyond `max_x` gives the status OVERFLOW. The tables with a row for each tuning
-    are `summaries`, the final states `ends`, (n, 2), and `outcomes`, int, (n, 2), with period and
-    status. A failed run leaves NaN in `summaries` and `ends`.
+    A tuning is mesh frequency over natural frequency; `mesh_at_tuning` takes it with the seven
+    ratios `pair_parameters`. A run lasts a `Span` of mesh periods and starts from `state`, shape
+    (2,), or, with `warm_start`, from the end of the previous run unless that failed. A displacement
+    beyond `max_x` gives the status OVERFLOW. The tables have a row for each tuning: `summaries`,
+    the final states `ends`, (n, 2), and `outcomes`, int, (n, 2), with period and status. A failed
+    run leaves NaN in `summaries` and `ends`.
     """
     samples = np.empty((0, orbit.SAMPLE_COLUMNS))
     events = np.empty((0, orbit.EVENT_COLUMNS))
@@ -286,9 +296,9 @@ def run_many(
 def run_many_states(mesh, states, periods, max_arcs, ends, statuses):
     """Run a gear pair through a number of mesh `periods` from each of many `states`, shape (k, 2).
 
-    `mesh` holds the `PairConstants`, and all runs begin at tau = 0. The final states go to `ends`,
-    shape (k, 2), the statuses to `statuses`, shape (k,). A period with more than `max_arcs` arcs
-    ends a run.
+    A state is displacement and velocity at mesh phase 0; `mesh` holds the `PairConstants`. The
+    final states go to `ends`, shape (k, 2), the statuses to `statuses`, shape (k,). A period with
+    more than `max_arcs` arcs, parts of the motion between two events, ends a run.
     """
     work = new_work()
     set_mesh(work, mesh)
@@ -308,10 +318,10 @@ def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, st
     """Fill `table` with the states (x, v) of n motions at one phase of each mesh period.
 
     `table` has the shape (n, periods, 2), and `mesh` holds the `PairConstants`. The motions start
-    from `states`, shape (n, 2), at tau = 0, and `settle_periods` mesh periods pass before the first
-    entry. `phase` lies in [0, 2 pi). The final states go to `ends`, shape (n, 2), the statuses to
-    `statuses`, shape (n,). A period with more than `max_arcs` arcs ends a motion, and its later
-    entries stay unchanged.
+    from `states`, shape (n, 2), at mesh phase 0, and `settle_periods` mesh periods pass before the
+    first entry. `phase` lies in [0, 2 pi). The final states go to `ends`, shape (n, 2), the
+    statuses to `statuses`, shape (n,). A period with more than `max_arcs` arcs (parts between two
+    events) ends a motion, and its later entries stay unchanged.
     """
     work, arcs = new_work(), np.empty((16, ARC_COLUMNS))
     set_mesh(work, mesh)
@@ -332,6 +342,7 @@ def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, st
                 status = period_status(x, v, arc_count, max_arcs)
                 if status == EVENT_LIMIT:
                     break
+                # The state at the phase lies in the last arc that starts before it.
                 i = 0
                 while i + 1 < arc_count and arcs[i + 1, START] <= phase:
                     i += 1

@@ -13,7 +13,9 @@ from gearlib.engines.protocol import Base
 def ratios(pair):
     """Return the seven dimensionless ratios of a `GearPair` that `mesh_at_tuning` takes.
 
-    The shape is (7,), or (7, k) if the parameters of the pair are arrays of shape (k,).
+    They are both stiffnesses over their mean, the phase lengths of both stiffness segments, both
+    damping ratios and the backlash. The shape is (7,), or (7, k) for parameters that are arrays of
+    shape (k,).
     """
     return np.array(
         [
@@ -32,9 +34,9 @@ class Propagator(Base):
     chunk_size, proves_periods = 2048, True
 
     def __init__(self, model, tuning, other=None):
-        """Compute the constants of a `GearPair` at a tuning.
+        """Compute the constants of a `GearPair` at a tuning, mesh frequency / natural frequency.
 
-        `other` is a propagator of the same pair whose ratios are reused, or None.
+        `other` is a propagator of the same pair whose dimensionless ratios are reused, or None.
         """
         super().__init__(model, tuning)
         self.ratios = other.ratios if other else ratios(model)
@@ -47,8 +49,10 @@ class Propagator(Base):
     def fill_record(self, z, span, samples, events, summary, first_period):
         """Run from the state z, shape (2,), fill the tables and return the `Record` of the run.
 
-        z becomes the final state. The `Span` gives the numbers of mesh periods; `samples`, `events`
-        and `summary` are filled, see `Base.fill_record`. `first_period` has no effect.
+        z, displacement and velocity, becomes the final state. `span` has the numbers of all and of
+        recorded mesh periods and the largest number of events in one. The tables are `samples`,
+        `events` and `summary` (extrema and contact times). `first_period` has no effect, as all
+        mesh periods are equal.
         """
         tables = samples, events, span.max_events, summary
         result = pair_run.run(self.mesh, *z, span.periods, span.recorded, *tables)
@@ -58,10 +62,11 @@ class Propagator(Base):
     def sweep(self, tunings, order, state, warm_start, span, rows):
         """Run the pair at the tunings ``tunings[order]`` and fill their result `rows`.
 
-        If `order` is an array, one call of the kernel does all runs. Each run starts from `state`,
-        or with `warm_start` from the end of the previous run. `span` gives the numbers of mesh
-        periods. `rows`, a `Rows`, has the largest allowed displacement and tables with a row for
-        each tuning: summaries, final states, periods with statuses.
+        A tuning is mesh frequency over natural frequency. Each run starts from `state`, or with
+        `warm_start` from the end of the previous run. `span` gives the numbers of mesh periods.
+        `rows`, a `Rows`, has the largest allowed displacement and tables with a row for each
+        tuning: summaries, final states, periods with statuses. If `order` is an array, one call of
+        the kernel does all runs.
         """
         if not isinstance(order, np.ndarray):
             return super().sweep(tunings, order, state, warm_start, span, rows)
@@ -71,7 +76,8 @@ class Propagator(Base):
         """Fill `maps`, shape (periods, 2, 2), with the Jacobian matrix of each mesh period.
 
         The state z, shape (2,), becomes the final state; the status of the run is returned. A
-        period has at most `max_events` arcs; `first_period` has no effect.
+        period has at most `max_events` arcs (parts of the motion between two events);
+        `first_period` has no effect, as all mesh periods are equal.
         """
         *z[:], status = fill_period_maps(self.mesh, *z, periods, max_events, maps)
         return status
@@ -79,7 +85,8 @@ class Propagator(Base):
     def propagate_many(self, states, periods, max_events):
         """Return (final states, statuses) of runs from `states`, shape (k, 2).
 
-        Each run lasts `periods` mesh periods with at most `max_events` arcs in each of them.
+        Each run lasts `periods` mesh periods. More than `max_events` arcs (parts of the motion
+        between two events) in a period end a run.
         """
         states = np.ascontiguousarray(states)
         ends, statuses = np.empty(states.shape), np.empty(len(states), np.int64)

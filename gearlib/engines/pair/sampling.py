@@ -19,8 +19,9 @@ from gearlib.engines.pair.motion import (
 def _add_displacement(mesh, level, contact, x, summary):
     """Update the extrema in `summary` by a displacement x and the mesh force at x.
 
-    The force follows from the contact code `contact`, the stiffness `Level` and, for the coast
-    side, the backlash of `mesh`, a `PairConstants`.
+    The force is stiffness times deflection: from x = 0 if `contact` is DRIVE, from x = -backlash if
+    it is COAST, else it is zero. `level` has the stiffness; `mesh`, a `PairConstants`, has the
+    backlash.
     """
     summary[orbit.X_MAX] = max(summary[orbit.X_MAX], x)
     summary[orbit.X_MIN] = min(summary[orbit.X_MIN], x)
@@ -37,8 +38,8 @@ def _add_displacement(mesh, level, contact, x, summary):
 def add_arcs_to_summary(mesh, arcs, arc_count, summary):
     """Add the extrema, the contact times and the mean force of successive arcs to `summary`.
 
-    The first `arc_count` rows of the arc table `arcs`, shape (n, 6), are used. `mesh` holds the
-    `PairConstants`.
+    An arc is the motion between two events. The first `arc_count` rows of the arc table `arcs`,
+    shape (n, 6), are used. `mesh` holds the `PairConstants`.
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
@@ -95,10 +96,10 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
 def record_events(arcs, arc_count, previous_code, period, events, event_count, summary):
     """Add the changes of contact between successive arcs to `summary` and to the event table.
 
-    The first `event_count` rows of the table `events` are in use. The first `arc_count` rows of the
-    arc table `arcs`, shape (n, 6), belong to mesh period number `period`; `previous_code` is the
-    contact code before them. An event table without rows stays empty. Returns (event table, number
-    of events, contact code of the last arc).
+    An arc is the motion between two events. The first `arc_count` rows of the arc table `arcs`,
+    shape (n, 6), belong to mesh period number `period`; `previous_code` is the contact code before
+    them. The first `event_count` rows of the table `events` are in use; a table without rows stays
+    empty. Returns (event table, number of events, contact code of the last arc).
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
@@ -115,6 +116,7 @@ def record_events(arcs, arc_count, previous_code, period, events, event_count, s
 def state_in_arc(mesh, arc, t):
     """Return displacement, velocity, acceleration and mesh force at phase t of the mesh period.
 
+    An arc is the motion between two events: a free flight, or a linear oscillation in contact.
     `arc`, shape (6,), is the row of the arc table in which the phase lies; `mesh` holds the
     `PairConstants`.
     """
@@ -124,6 +126,7 @@ def state_in_arc(mesh, arc, t):
     if contact == NO_CONTACT:
         x, v = free_flight(mesh.drag, mesh.load, x, v, t)
         return x, v, mesh.load - 2.0 * mesh.drag * v, 0.0
+    # u counts from the equilibrium, the deflection that gives the force from the flank line.
     equilibrium = level.equilibrium if contact == DRIVE else level.equilibrium - mesh.backlash_ratio
     u, v = evolve(level, x - equilibrium, v, t)
     acceleration = -2.0 * level.decay_rate * v - level.natural_squared * u
@@ -134,8 +137,9 @@ def state_in_arc(mesh, arc, t):
 def sample_arcs(mesh, arcs, arc_count, samples):
     """Fill `samples`, shape (n, 6), with the motion at the phases in their column SAMPLE_PHASE.
 
-    The first `arc_count` rows of the arc table `arcs` describe the motion; `mesh` holds the
-    `PairConstants`. At a switch of stiffness or contact, the values just after it are used.
+    The first `arc_count` rows of the arc table `arcs`, each the motion between two events, are
+    used; `mesh` holds the `PairConstants`. At a switch of stiffness or contact, the values just
+    after it are used.
     """
     i = 0
     for k in range(samples.shape[0]):

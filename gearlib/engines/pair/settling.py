@@ -62,9 +62,10 @@ def unsettled():
 
 @kernel
 def _state_norm(mesh, x, v):
-    """Return the norm of a state (x, v) in static deflections, with the velocity in natural time.
+    """Return the norm of a state (x, v) in static deflections.
 
-    `mesh` holds the `PairConstants` with the tuning.
+    The velocity dx/dtau times the tuning is the derivative by natural time. `mesh` holds the
+    `PairConstants` with the tuning (mesh frequency over natural frequency).
     """
     return math.hypot(x, mesh.tuning * v)
 
@@ -73,8 +74,9 @@ def _state_norm(mesh, x, v):
 def repeat_period(mesh, work, n, relative_tolerance):
     """Return the smallest number of mesh periods after which stored states repeat, 0 if none.
 
-    The state after n periods is compared with earlier states in `work`. `relative_tolerance` is a
-    fraction of the size of the state or of one static deflection, whichever is larger.
+    The state (x, v) after n periods is compared with earlier states in `work`, a ring buffer of the
+    last STORED_PERIODS states. `relative_tolerance` is a fraction of the size of the state or of
+    one static deflection, whichever is larger; `mesh` holds the tuning.
     """
     x, v = work.states[n % STORED_PERIODS, 0], work.states[n % STORED_PERIODS, 1]
     tolerance = relative_tolerance * max(1.0, _state_norm(mesh, x, v))
@@ -92,8 +94,9 @@ def repeat_period(mesh, work, n, relative_tolerance):
 def _avoids_grazing(line, x, speed, margin, orbit_distance):
     """Return whether a motion at displacement x with a `speed` does not graze the flank at `line`.
 
-    Its distance from the line exceeds `margin`, or it is fast enough for a proof that covers all
-    states up to `orbit_distance` from the orbit.
+    Grazing means to touch a flank with almost no speed. The motion avoids it if its distance from
+    the line exceeds `margin`, or if it is fast enough for a proof that covers all states up to
+    `orbit_distance` from the orbit.
     """
     min_speed = max(_GRAZING_SPEED, _SPEED_OVER_DISTANCE * orbit_distance)
     return abs(x - line) > margin or abs(speed) > min_speed
@@ -103,8 +106,9 @@ def _avoids_grazing(line, x, speed, margin, orbit_distance):
 def all_arcs_avoid_grazing(mesh, arcs, arc_count, orbit_distance):
     """Return whether no arc of a motion comes close to grazing a flank line.
 
-    The ends and turning points of the first `arc_count` rows of the arc table `arcs`, shape (n, 6),
-    are checked. `mesh` holds the `PairConstants`. The proof has to cover all states up to
+    An arc is the motion between two events; to graze is to touch a flank with almost no speed. The
+    ends and turning points of the first `arc_count` rows of the arc table `arcs`, shape (n, 6), are
+    checked. `mesh` holds the `PairConstants`. The proof has to cover all states up to
     `orbit_distance` from the orbit.
     """
     margin = max(_GRAZING_DISTANCE, 10.0 * orbit_distance)
@@ -133,6 +137,8 @@ def all_arcs_avoid_grazing(mesh, arcs, arc_count, orbit_distance):
             equilibrium = line + level.equilibrium
             is_clear = _avoids_grazing(line, x, mesh.tuning * v, margin, orbit_distance)
             time = next_turning_time(level, x - equilibrium, v)
+            # The first two turning points are the lowest and the highest, since amplitudes do not
+            # grow.
             for _ in range(2):
                 if not time < duration:
                     break
@@ -148,7 +154,7 @@ def all_arcs_avoid_grazing(mesh, arcs, arc_count, orbit_distance):
 
 @inlined_kernel
 def matrix_product(a, b):
-    """Return the product a b of two 2 x 2 matrices, given by rows as tuples."""
+    """Return the product a b of two 2 x 2 matrices, each a tuple of its four entries by rows."""
     return (
         a[0] * b[0] + a[1] * b[2],
         a[0] * b[1] + a[1] * b[3],
@@ -159,9 +165,11 @@ def matrix_product(a, b):
 
 @inlined_kernel
 def _map_norm(mesh, matrix):
-    """Return the Frobenius norm of a 2 x 2 map with velocities in natural time.
+    """Return the Frobenius norm of a 2 x 2 matrix that maps states, in static deflections.
 
-    `matrix` is the map as a tuple by rows; `mesh` holds the `PairConstants` with the tuning.
+    `matrix` is a tuple of the four entries by rows, for states (x, dx/dtau). Velocities are
+    multiplied by the tuning in `mesh` (`PairConstants`), so that both components have the same
+    unit.
     """
     upper, lower = matrix[1] / mesh.tuning, matrix[2] * mesh.tuning
     return math.sqrt(matrix[0] * matrix[0] + upper * upper + lower * lower + matrix[3] * matrix[3])
@@ -171,13 +179,15 @@ def _map_norm(mesh, matrix):
 def power_sum_bound(mesh, matrix):
     """Return an upper bound of 1 + |M| + |M^2| + ..., infinity if M hardly contracts.
 
-    `matrix` is the 2 x 2 map M, a tuple by rows; `mesh` holds the `PairConstants`.
+    `matrix` is the 2 x 2 map M of perturbations, a tuple by rows; `mesh` holds the `PairConstants`.
     """
     total = 1.0
     for _ in range(_DOUBLINGS):
         # Doubling the number of powers multiplies the sum by at most 1 + |power|.
         total *= 1.0 + _map_norm(mesh, matrix)
         matrix = matrix_product(matrix, matrix)
+    # `matrix` is now the power at which the sum ends. If its norm is at most 1 / 2, the rest of the
+    # sum is at most as large as this part.
     return 2.0 * total if _map_norm(mesh, matrix) <= 0.5 else math.inf
 
 
@@ -185,10 +195,12 @@ def power_sum_bound(mesh, matrix):
 def prove_settled(mesh, work, n, contact, x, v, repeat, max_arcs, tolerance):
     """Run through `repeat` periods and try to prove that the motion converges to an orbit.
 
-    After n mesh periods the motion has the contact code `contact`, displacement x and velocity v.
-    `mesh` holds the `PairConstants`, and `work` is storage prepared for them. A period has at most
-    `max_arcs` arcs. The distance from the orbit may be up to `tolerance` times the state. Returns
-    (contact code, x, v, number of arcs, `Settled`) at the end of these periods.
+    After n mesh periods the motion has the contact code `contact` (1, 0, -1), displacement x and
+    velocity v. A period has at most `max_arcs` arcs (parts between two events). The proof needs
+    that no arc comes close to grazing a flank, that the map of perturbations contracts, and that
+    the remaining distance from the orbit is at most `tolerance` times the size of the state. `mesh`
+    holds the `PairConstants`, and `work` is storage prepared for them. Returns (contact code, x, v,
+    number of arcs, `Settled`) at the end of these periods.
     """
     arcs, jacobian = np.empty((_MAX_ARCS, events.ARC_COLUMNS)), np.eye(2)
     start_x, start_v, previous_code, is_clear, arc_count = x, v, contact, True, 0
@@ -207,6 +219,7 @@ def prove_settled(mesh, work, n, contact, x, v, repeat, max_arcs, tolerance):
     matrix = jacobian[0, 0], jacobian[0, 1], jacobian[1, 0], jacobian[1, 1]
     dx, dv = x - start_x, v - start_v
     max_distance = tolerance * max(1.0, _state_norm(mesh, x, v))
+    # The distance from the orbit is at most the sum of all later steps M^j (dx, dv).
     if not power_sum_bound(mesh, matrix) * _state_norm(mesh, dx, dv) <= max_distance:
         return contact, x, v, arc_count, unsettled()
     a, b, c, d = 1.0 - matrix[0], -matrix[1], -matrix[2], 1.0 - matrix[3]
@@ -222,7 +235,8 @@ def prove_settled(mesh, work, n, contact, x, v, repeat, max_arcs, tolerance):
 def offset_after_repeats(settled, k):
     """Return the offset (x, v) of a settled run from its orbit after k >= 0 repeats, M^k e.
 
-    `settled`, a `Settled`, holds the offset e after no repeat and the map M of one repeat.
+    `settled`, a `Settled`, holds the present offset e and the map M of one repeat. The power is
+    formed by repeated squaring.
     """
     x, v, power = settled.x, settled.v, settled.matrix
     while k > 0:

@@ -15,7 +15,8 @@ import math
 def mean_over_max(contact_ratio, stiffness_ratio):
     """Return the mean mesh stiffness over its maximum, C_s / C_max, Eq. (2).
 
-    `stiffness_ratio` is C_min / C_max.
+    `stiffness_ratio` is C_min / C_max. The contact ratio is the mean number of pairs of teeth in
+    contact.
     """
     return stiffness_ratio + (1.0 - stiffness_ratio) * (contact_ratio - 1.0)
 
@@ -23,8 +24,9 @@ def mean_over_max(contact_ratio, stiffness_ratio):
 def force_note(stiffness_ratio, is_rectangle=True):
     """Return a warning that the mesh force jumps with the stiffness, empty if that is constant.
 
-    `stiffness_ratio` is C_min / C_max; `is_rectangle` says whether the stiffness is rectangular,
-    and not another stiffness with steps.
+    `stiffness_ratio`, kappa, is C_min / C_max. `is_rectangle` is True for a rectangular stiffness,
+    which has two levels, and False for another stiffness with steps. K_v is the dynamic factor of
+    the force.
     """
     if stiffness_ratio == 1.0:
         return ""

@@ -62,7 +62,7 @@ def set_mesh(work, mesh):
 
 @kernel
 def set_start(work, x, v):
-    """Prepare the storage `work` for a new run from displacement x and velocity v at tau = 0."""
+    """Prepare the storage `work` for a run from displacement x and velocity v at mesh phase 0."""
     work.memory[REMAINING] = -1.0  # No free flight is in progress.
     # In each segment of a period the search for a loss of contact starts from its own table entry.
     work.memory[LOSS_ENTRIES:] = 0.0
@@ -71,10 +71,11 @@ def set_start(work, x, v):
 
 @inlined_kernel
 def _append_arc(arcs, row, start, duration, contact, level, x, v):
-    """Write an arc to a row of the arc table, if the table has this row; return the next row.
+    """Write an arc, the motion between two events, to a row of the arc table; return the next row.
 
-    The arc has a `start` phase, `duration`, contact code, stiffness level (0 C_min, 1 C_max) and
-    starts with displacement x and velocity v.
+    The arc has a `start` phase, `duration`, contact code (1 drive side, 0 none, -1 coast side) and
+    stiffness level (0 C_min, 1 C_max), and starts with displacement x and velocity v. If the table
+    lacks the row, the arc is only counted.
     """
     if row < arcs.shape[0]:
         arcs[row, events.START], arcs[row, events.DURATION] = start, duration
