@@ -22,10 +22,11 @@ SAME_ORBIT_TOLERANCE = 5e-3
 
 @style.styled()
 def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
-    """Return a figure of phase planes, velocity over displacement, for each damping and tuning.
+    """Return a figure of phase planes (velocity over displacement) for each damping and tuning.
 
-    `phase_planes` is a dataset over (damping, tuning, phase); `colours` maps names of dampings to
-    colours. Titles say whether the motion is periodic.
+    `phase_planes` is a dataset over (damping, tuning, phase), with the tuning (mesh frequency over
+    natural frequency) in rows. `colours` maps names of damping combinations to colours. Titles say
+    whether the motion is periodic; other motions have thinner lines.
     """
     tunings = phase_planes.tuning.values
     curve_styles = style.curve_styles([str(name) for name in phase_planes.damping.values], colours)
@@ -37,6 +38,7 @@ def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | Non
         row_axes[0].set_ylabel(f"$\\nu_s$ = {label}\n$dy/d\\tau$".replace(" (", "\n("))
         for axes, (name, curve_style) in zip(row_axes, curve_styles.items(), strict=True):
             run = phase_planes.sel(tuning=tuning, damping=name)
+            # The period is 0 for motions that are not periodic.
             line_width = 0.8 if int(run.period) else 0.3
             draw_plane(axes, run, color=curve_style.colour, linewidth=line_width)
             axes.tick_params(labelsize=5.5)
@@ -52,11 +54,12 @@ def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | Non
 def draw_plane(axes, run: xr.Dataset, **options):
     """Draw the phase plane of a run, and shade the displacements without drive-side contact.
 
-    `options` are passed to `Axes.plot`.
+    `run` is a result of `gearlib.simulate`; `options` are passed to `Axes.plot`.
     """
     displacement, velocity = closed_orbit(run)
     axes.set(xlim=style.limits(displacement, 0.0), ylim=style.limits(velocity, 0.0))
-    # With moving bearings the displacement of coast-side contact varies, so all of y < 0 is shaded.
+    # With moving bearings the displacement at which the coast-side flanks touch varies, so all
+    # displacements below 0 are shaded alike, as with infinite backlash.
     backlash = np.inf if "coast_line" in run else float(run.backlash_ratio)
     style.shade_lost_contact(axes, backlash, "x")
     axes.plot(displacement, velocity, **options)
@@ -65,8 +68,8 @@ def draw_plane(axes, run: xr.Dataset, **options):
 def closed_orbit(run: xr.Dataset) -> np.ndarray:
     """Return displacement and velocity of a run, shape (2, samples), as a closed curve if periodic.
 
-    The closed curve is the whole record if the record has a whole number of periods, else its last
-    period.
+    `run.period` is the period in mesh periods, 0 if the motion is not periodic. The closed curve is
+    the whole record if it consists of whole periods, else its last period.
     """
     states = np.array([run.displacement.values, run.velocity.values])
     samples_per_mesh_period = round(2.0 * np.pi / np.diff(run.phase)[0])
@@ -101,9 +104,9 @@ _MIN_STIFFNESS_COLOUR = "#D55E00"
 def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
     """Return a figure of phase planes above time histories, with a column for each run.
 
-    `scene` is a result of `gearlib.studies.scenes`: a few runs, along its dimension "case".
-    `courses` names the variables to draw as time histories, a row each, over the last
-    `periods_shown` mesh periods of the record.
+    `scene` is a result of `gearlib.studies.scenes`: a few runs of one figure of the paper, along
+    the dimension "case". `courses` names the variables to draw as time histories, one row each,
+    over the last `periods_shown` mesh periods of the record.
     """
     samples = periods_shown * round(2.0 * np.pi / float(scene.phase[1] - scene.phase[0]))
     shown = scene.isel(phase=slice(scene.sizes["phase"] - samples, None))
@@ -115,6 +118,7 @@ def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
     for column, title in zip(grid.T, map(str, shown.case.values), strict=True):
         run = shown.sel(case=title)
         draw_plane(column[0], run, color=style.PALETTE[0], linewidth=0.8)
+        # The list of texts has one entry for the one tuning of the run.
         (tuning,) = panels.tuning_texts(run.tuning, run.get("speed"))
         stated_tuning = re.search(r"(?:tuning|nu|ν)\s*=?\s*(\d+(?:\.\d+)?)", title)
         # The tuning is added to titles that do not state it.
@@ -134,8 +138,9 @@ def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
 def _draw_time_history(axes, run: xr.Dataset, name: str):
     """Draw the variable `name` of a run over the mesh periods, with contact loss shaded.
 
-    The modified stiffness (0 without contact) also gets a bar that marks the times in contact at
-    the minimum stiffness C_min, which is below the mean stiffness 1.
+    The modified stiffness (mesh stiffness, but 0 without contact) also gets a bar at the upper
+    edge, which marks the times in contact at the minimum stiffness C_min. Stiffness is relative to
+    its mean, so that it is below 1 at these times.
     """
     draw_style = "steps-post" if name.endswith("stiffness") else "default"
     panels.draw_curves(axes, run, "phase", name, linewidth=0.9, drawstyle=draw_style)
@@ -156,14 +161,14 @@ def _draw_time_history(axes, run: xr.Dataset, name: str):
 def shade_contact(axes, periods: np.ndarray, contact: np.ndarray):
     """Shade the times of contact loss (code 0) and of coast-side contact (code -1).
 
-    `periods` are equidistant times in mesh periods, `contact` has the code of the contact at each.
+    `periods` are equidistant times in mesh periods; `contact` has the code of the contact at each.
     """
     for code, area in ((0, "no contact"), (-1, "coast-side contact")):
         _shade_times(axes, periods, contact == code, style.AREA_COLOURS[area])
 
 
 def _shade_times(axes, periods: np.ndarray, mask: np.ndarray, colour: str, bottom=0.0):
-    """Shade the intervals of the equidistant times `periods` where `mask` is true.
+    """Shade the intervals of the equidistant times `periods` in which `mask` is true.
 
     The shade extends from `bottom`, a fraction of the height of the axes, to their upper edge.
     """
@@ -190,12 +195,13 @@ cost: components of the state advanced per mesh period"""
 
 @style.styled()
 def draw_models(comparisons: list[xr.Dataset], scenes: list[str]):
-    """Return a figure of model errors: how much observables change if a larger model is used.
+    """Return a figure of model errors: how much results change if a larger model is used.
 
-    `comparisons` are results of `gearlib.studies.scenes.compare`, one for each scene (a set of
-    runs); `scenes` are the names of the scenes. Each scene has a panel with a bar for each model:
-    the largest change of an observable. The bar of the chosen model is filled. If rounding errors
-    make a motion irreproducible, bars show medians over initial states, with ranges.
+    `comparisons` are results of `gearlib.studies.scenes.compare`, one for each set of runs
+    ("scene"); `scenes` are the names of these sets. Each has a panel with a bar for each model: the
+    largest change of an observable, such as the largest displacement. The bar of the chosen model
+    is filled. If rounding errors make a motion irreproducible, bars show medians over initial
+    states, with ranges.
     """
     figure = style.page_figure(_AXIS_HEIGHT + _SCENE_HEIGHT * len(comparisons))
     panel_axes = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
@@ -215,13 +221,14 @@ def draw_models(comparisons: list[xr.Dataset], scenes: list[str]):
 
 
 def _draw_bar(axes, model: xr.Dataset, y: int):
-    """Draw the change from one model to a larger one as a horizontal bar at the position `y`.
+    """Draw the change of results from one model to a larger one as a bar at the height `y`.
 
-    The bar of the model that is `chosen` for the scene is filled. A text beside the bar states the
-    change, NaN for the largest model, and the cost of the model.
+    The bar of the model that is used (`chosen`) is filled. A text beside the bar states the change
+    (it is NaN for the largest model) and the cost of the model.
     """
     change, is_chosen = float(model.change), model.model.item() == model.chosen.item()
-    # If the motion depends on rounding errors, its change has a range over initial states.
+    # If the motion depends on rounding errors, its change has a range over initial states, which an
+    # orange line shows.
     is_reproducible = bool(model.change_free_of_rounding)
     description = f"{change:.2g}" if is_reproducible else "rounding decides"
     if np.isnan(change):

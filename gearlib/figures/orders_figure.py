@@ -42,9 +42,11 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
         If a dataset is not an order spectrum, or lacks the variable.
     """
     checks.one_of("variable", variable, ("force_amplitude", "error_amplitude"))
+    # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "order", "caller": "orders", "source": "orders"}
     curves = plot_curves.curves(spectra, labels, (variable, "mesh_order"), **sources)
     axes = plot_curves.axes_or_new(axes)
+    # Entry 0 of the orders is the mean.
     spectra = [curve.data.isel(order=slice(1, None)) for curve in curves]
     variables = [spectrum[variable] for spectrum in spectra]
     unit_size, unit = style.readable_unit(variables[0].units, *variables)
@@ -67,7 +69,8 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
 def _label_harmonics(axes, data: xr.Dataset):
     """Mark the harmonics of the mesh frequency in an order spectrum, with labels above the axes.
 
-    Only some of more than `_MAX_LABELS` harmonics get a label.
+    Harmonics are the orders at which the variable `mesh_order` of `data` is an integer. If there
+    are more than `_MAX_LABELS`, only every second, third ... gets a label.
     """
     is_harmonic = (data.mesh_order.values % 1 == 0) & (data.mesh_order.values > 0)
     orders = data.order.values[is_harmonic]
@@ -196,15 +199,17 @@ def order_map(
 
 
 def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
-    """Return an order map without order 0, with levels in dB, and the unit of these levels.
+    """Prepare an order map for drawing: return it with levels in dB, and the unit of the levels.
 
-    The variables `level` and `overall` are in dB, `direction` is "up" or "down" for each block of
-    samples, `height` is the position of each level on the vertical axis. `vertical` says what this
-    axis shows, "order" or "frequency"; `scale` is the height over the order.
+    The variables `level` and `overall` of the new map are in dB; `direction` is "up" or "down", the
+    change of speed in each block of samples; `height` is the position of each level on the vertical
+    axis, which shows `vertical`, "order" or "frequency"; `scale` is the height over the order.
+    Order 0, the mean, is left out.
     """
     data = _with_empty_blocks(data.isel(order=slice(1, None)))
     unit = data.overall.attrs.get("units", "N")
     reference, name = REFERENCE_UNITS.get(unit, (1.0, unit))
+    # Squared amplitudes ("power") are converted to amplitudes.
     amplitude = data.amplitude**0.5 if data.attrs["amplitude"] == "power" else data.amplitude
     with np.errstate(divide="ignore"):
         level = 20.0 * np.log10(amplitude / reference)
@@ -220,10 +225,12 @@ def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
 def _with_empty_blocks(data: xr.Dataset) -> xr.Dataset:
     """Return an order map with an empty block (NaN) at both ends of each gap in its times.
 
-    Without empty blocks, the map would be drawn across the gaps. A block lasts as many revolutions
-    as the inverse of the order resolution.
+    A block is the samples of which one spectrum is computed: as many revolutions as the inverse of
+    the order resolution. Without empty blocks, the map would be drawn across the gaps.
     """
     time, durations = data.time.values, 60.0 / (data.order_resolution * np.abs(data.rpm)).values
+    # There is a gap where the centres of two blocks are much farther apart than the mean of their
+    # durations.
     gaps = np.flatnonzero(np.diff(time) > 0.75 * (durations[1:] + durations[:-1]))
     if not gaps.size:
         return data
@@ -241,12 +248,14 @@ def _select_direction(data: xr.Dataset, direction: str) -> xr.Dataset:
 def _draw_circles(axes, measured: xr.Dataset, colours: dict):
     """Draw circles coloured by level on the mesh orders of a measured order map.
 
-    `measured` has variables of `_in_decibels`; `colours` has the entries cmap, vmin and vmax, the
-    last two in dB. At most `MAX_CIRCLES` circles are drawn on each order.
+    Mesh orders are the multiples of the number of teeth. `measured` has variables of
+    `_in_decibels`: levels in dB over speed ("rpm") and order. `colours` has the entries cmap, vmin
+    and vmax, the last two in dB. At most `MAX_CIRCLES` circles are drawn on each order.
     """
     block_step = max(1, math.ceil(measured.sizes["time"] / MAX_CIRCLES))
     blocks = measured.isel(time=slice(None, None, block_step))
     for order in float(measured.teeth) * np.arange(1, MESH_ORDERS + 1):
+        # A measured map may lack this order.
         if np.abs(measured.order - order).min() < 1e-6:
             track = blocks.sel(order=order, method="nearest")
             options = colours | {"edgecolors": "white", "linewidth": 0.4, "zorder": 3}
@@ -255,10 +264,12 @@ def _draw_circles(axes, measured: xr.Dataset, colours: dict):
 
 
 def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
-    """Draw lines at the orders of characteristic frequencies, a colour for each kind of frequency.
+    """Draw dashed lines at the orders of characteristic frequencies, such as the shaft frequency.
 
-    `run` has variables of `_in_decibels`. `frequencies` is a result of
-    `gearlib.characteristic_frequencies`; its frequencies are in Hz at its `speed` in rpm.
+    Each kind of frequency has its colour and an entry in the legend. `run` has variables of
+    `_in_decibels`, among them the speed ("rpm") and the height over the order ("scale").
+    `frequencies` is a result of `gearlib.characteristic_frequencies`; its frequencies are in Hz at
+    its `speed` in rpm.
     """
     in_hertz = frequencies.filter_by_attrs(units="Hz").data_vars
     for i, name in enumerate([name for name in in_hertz if name in LEGEND]):
@@ -279,8 +290,9 @@ def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
 def _draw_mesh_orders(axes, data: xr.Dataset):
     """Draw labelled lines at mesh orders and their subharmonic, and dotted lines at sidebands.
 
-    Mesh orders are the multiples of z, the variable `teeth` of `data`, which is an order map by
-    `_in_decibels`. Lines are straight but for a bend at the lowest speed.
+    Mesh orders are the multiples of z, the number of teeth (`teeth` of `data`), and z/2 is the
+    subharmonic. `data` is an order map of `_in_decibels`, whose `scale` is the height over the
+    order. Lines need only their ends and the point of the lowest speed, where they may bend.
     """
     slowest = int(np.abs(data.rpm).argmin("time"))
     teeth, ends = float(data.teeth), data.isel(time=sorted({0, slowest, data.sizes["time"] - 1}))
@@ -309,11 +321,12 @@ _FOLD_CODE = 1
 
 @style.styled()
 def draw_run_ups(run_ups: xr.Dataset, *, resonance=None, branches=None):
-    """Return a figure of the displacement extrema of run-ups, above an order map of the slowest.
+    """Return a figure of the displacement extrema in run-ups, above an order map of the slowest.
 
     `run_ups` is a result of `gearlib.studies.run_ups.run_ups_at_several_rates`. If `resonance`, a
-    dataset over (damping, direction, tuning), is given, its sweeps up and down are drawn behind the
-    run-ups. If `branches` of orbits are given, dashed lines mark the tunings of their folds.
+    dataset over (damping, direction, tuning), is given, its sweeps with increasing and decreasing
+    tuning (mesh frequency over natural frequency) are drawn behind the run-ups. If `branches` of
+    periodic orbits are given, dashed lines mark the tunings of their folds, where jumps occur.
     """
     figure = style.page_figure(_HEIGHT + _MAP_HEIGHT)
     extrema_area, map_area = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])
@@ -339,7 +352,11 @@ def draw_run_ups(run_ups: xr.Dataset, *, resonance=None, branches=None):
 
 
 def _draw_sweeps(axes, resonance: xr.Dataset, damping: str):
-    """Draw the sweeps up and down for the damping of this name, if `resonance` has them."""
+    """Draw the displacement extrema of sweeps with increasing ("up") and decreasing tuning.
+
+    The tuning is the mesh frequency over the natural frequency. Nothing is drawn unless `resonance`
+    has the damping combination named `damping`.
+    """
     if damping in resonance.damping.values:
         sweeps = resonance.sel(damping=damping)
         sweeps = sweeps.sel(direction=[d for d in ("up", "down") if d in sweeps.direction])

@@ -40,9 +40,10 @@ _GREEK = {"nu": "ν", "tau": "τ", "kappa": "κ", "epsilon": "ε", "beta": "β"}
 
 
 def name_and_unit(variable: xr.DataArray) -> tuple[str, str]:
-    """Return the long name of a variable, up to a comma or colon, and its unit as written in text.
+    """Return the name of a variable for axis labels, and its unit as written in text.
 
-    Names of Greek letters are replaced by the letters; the unit 1 becomes "".
+    The name is the attribute long_name up to a comma or colon, with Greek letters in place of their
+    names. Units in CF notation are rewritten: "min-1" becomes "rpm", "1" becomes "".
     """
     name = variable.attrs.get("long_name", str(variable.name).replace("_", " "))
     greek_words = rf"\b(d?)({'|'.join(_GREEK)})\b"
@@ -65,9 +66,9 @@ def value_label(coordinate: xr.DataArray) -> str:
 
 
 def value_labels(coordinate: xr.DataArray) -> list[str]:
-    """Return a label for each value of a coordinate, different where the values differ.
+    """Return a label for each value of a coordinate; different values have different labels.
 
-    A label is a readable name, or "name = number unit".
+    Strings get a readable name, such as "from rest" for "cold"; numbers get "name = number unit".
     """
     values = np.ravel(coordinate.values).tolist()
     if isinstance(values[0], str):
@@ -79,7 +80,9 @@ def value_labels(coordinate: xr.DataArray) -> list[str]:
 def tuning_texts(tunings: ArrayLike, speeds: ArrayLike | None = None) -> list[str]:
     """Return each tuning as text; a tuning computed from a speed is followed by this speed.
 
-    `speeds`, in rpm, has the speed of each tuning; with None no text has a speed.
+    The tuning is the mesh frequency over the natural frequency. Computed tunings have more digits
+    than those that a user wrote. `speeds`, in rpm, has the speed of each tuning; with None no text
+    has a speed.
     """
     texts = style.number_texts(tunings, digits=4, form="f", decimals=2)
     if speeds is None:
@@ -124,7 +127,7 @@ def in_mesh_periods(dataset: xr.Dataset, name="phase") -> xr.Dataset:
 
 
 def in_unit(variable: xr.DataArray, size: float, unit: str) -> xr.DataArray:
-    """Return a variable converted to the unit named `unit`, whose size is in the present unit."""
+    """Return a variable divided by `size`, the size of the new `unit` in the present unit."""
     return (variable / size).assign_attrs(variable.attrs | {"units": unit})
 
 
@@ -133,9 +136,9 @@ def draw_curves(
 ) -> list[Line2D]:
     """Draw the variable named `y` of a dataset over the variable named `x`; return legend handles.
 
-    `colour` and `line` are names of dimensions or None: there is a curve for each value of both,
-    with a colour for each value of `colour` and dashes for each value of `line`. `styles` maps
-    values of `colour` to options of `Axes.plot`; `options` are such options for all curves.
+    `colour` and `line` are names of dimensions or None. There is a curve for each combination of
+    their values: each value of `colour` has its colour, each value of `line` its dashes. `styles`
+    maps values of `colour` to options of `Axes.plot`; `options` are such options for all curves.
     """
     colour_styles = {None: {"color": style.PALETTE[0]}}
     line_styles = {None: {}}
@@ -155,9 +158,11 @@ def draw_curves(
             curve = curve if line is None else curve.sel({line: line_value})
             curve_style = colour_style | line_style | {"label": None} | options
             axes.plot(curve[x].values, curve[y].values, **curve_style)
+    # The label of the vertical axis is wrapped to the height of the axes in inches.
     height = axes.get_window_extent().height / axes.figure.dpi
     axes.set_xlabel(axis_label(data[x]))
     axes.set_ylabel(axis_label(data[y], max(12, round(CHARACTERS_PER_INCH * height))))
+    # The legend lists colours and dashes separately: colours with solid lines, dashes in black.
     entry_options = [] if colour is None else [*colour_styles.values()]
     if line is not None:
         entry_options = [options | {"linestyle": "-"} for options in entry_options]
@@ -170,10 +175,11 @@ def draw_panels(
 ) -> np.ndarray:
     """Draw variables of a dataset in panels, with a legend below; return the array of axes.
 
-    `x` is the name of the variable on all horizontal axes, `y` the name of the variable to draw, or
-    a list of names, a row of panels each. `panel`, `colour` and `line` are names of dimensions or
-    None: each of their values has a column of panels, a colour or dashes. `styles` maps values of
-    `colour` to options of `Axes.plot`. Without a `figure`, a new one is made.
+    `x` is the name of the variable on all horizontal axes; `y` is the name of the variable to draw,
+    or a list of names with a row of panels each. `panel`, `colour` and `line` are names of
+    dimensions or None: each value of `panel` has a column of panels, each value of `colour` a
+    colour, each value of `line` its dashes. `styles` maps values of `colour` to options of
+    `Axes.plot`. Without a `figure`, a new one is made.
     """
     names = [y] if isinstance(y, str) else list(y)
     selections = [data]

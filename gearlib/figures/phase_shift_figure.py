@@ -7,10 +7,12 @@ from gearlib.figures import panels, style
 
 @style.styled()
 def draw(lags: xr.Dataset):
-    """Return a figure of phase lags, for all harmonics at one tuning and for the first over tuning.
+    """Return a figure of phase lags of the motion behind the mesh stiffness.
 
-    `lags` is a result of `gearlib.studies.paper.phase_lag`. Panels on the left show stiffness and
-    motion over a mesh period at the same tuning.
+    Bars show the lags of all harmonics at one tuning (mesh frequency over natural frequency), the
+    lower panel the lag of the first harmonic over the tuning. `lags` is a result of
+    `gearlib.studies.paper.phase_lag`. Panels on the left show stiffness and motion over a mesh
+    period at the same tuning as the bars.
     """
     figure = style.page_figure(height=6.4)
     mosaic = [["stiffness", "bars"], ["motion", "bars"], ["tuning", "tuning"]]
@@ -25,7 +27,8 @@ def draw(lags: xr.Dataset):
     for name in ("stiffness", "motion"):
         axes[name].set_xlim(0.0, 1.0)
     _draw_bars(axes["bars"], lags, [*styles.values()])
-    # The line of the first harmonic has a gap where its lag wraps from 270 to -90 degrees.
+    # Lags lie between -90 and 270 degrees. The line of the first harmonic has a gap where its lag
+    # wraps from one limit to the other.
     wraps = abs(lags.first_lag.diff("tuning")).reindex_like(lags, fill_value=0.0) > 180.0
     lags_with_gaps = lags.assign(first_lag=lags.first_lag.where(~wraps))
     panels.draw_curves(axes["tuning"], lags_with_gaps, "tuning", "first_lag", **curve_options)
@@ -35,7 +38,10 @@ def draw(lags: xr.Dataset):
 
 
 def _draw_bars(axes, lags: xr.Dataset, styles: list[dict]):
-    """Draw the lags of all harmonics as grouped bars; `styles` has options of each damping."""
+    """Draw the phase lags of all harmonics as grouped bars, one bar per damping combination.
+
+    `styles` has options of `Axes.plot`, among them the colour, of each damping combination.
+    """
     width = 0.8 / len(styles)
     for i, (options, lag) in enumerate(zip(styles, lags.lag.values, strict=True)):
         middle = lags.harmonic + (i - 0.5 * (len(styles) - 1)) * width

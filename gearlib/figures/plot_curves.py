@@ -32,8 +32,8 @@ class Curve:
 def require(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, dim=None):
     """Raise ValueError unless a dataset has the variables `names`, each over the dimension `dim`.
 
-    With None as `dim` they may have any dimensions. The message names the function
-    `gearlib.plot.<caller>` that draws, and `gearlib.<source>`, which computes such datasets.
+    With None as `dim` they may have any dimensions. The message names `gearlib.plot.<caller>`, the
+    function that draws, and `gearlib.<source>`, the function that computes such datasets.
     """
     variables = getattr(dataset, "variables", {})
     for name in names:
@@ -48,12 +48,12 @@ def require(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, 
 def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Curve]:
     """Return a `Curve` (data, label, style) for each damping, direction, mesh and case of datasets.
 
-    Each dataset must have the variables `names` over the dimension `dim`. `labels` has a text for
+    Each dataset must have the variables `names` over the dimension `dim`. `labels` has a string for
     each dataset, with which its legend labels start; with None they start with its direction and
     damping. Labels leave out properties that all curves have in common. Error messages name
     `caller`, a function of `gearlib.plot`, and `source`, a function of `gearlib`.
     """
-    # Without datasets the error message names the missing variable.
+    # Without datasets, None makes `require` raise an error that names the missing variable.
     for dataset in datasets or [None]:
         require(caller, dataset, names, source, dim)
     if labels is not None:
@@ -68,6 +68,7 @@ def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Cu
             data.append(dataset.sel(dict(zip(dims, values, strict=True))))
             properties.append(origin | dict(zip(dims, map(str, values), strict=True)))
     all_names = {name for curve in properties for name in curve}
+    # Properties with one value for all curves are left out of labels and styles.
     common = {
         name
         for name in all_names - {"label"}
@@ -80,7 +81,10 @@ def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Cu
 
 
 def _origin(dataset: xr.Dataset) -> dict[str, str]:
-    """Return the direction and the damping of a dataset as a dict, without unknown ones."""
+    """Return the direction of a sweep and its damping as a dict, as far as the dataset states them.
+
+    The direction is an argument of the run, stored as JSON in the attribute "parameters".
+    """
     parameters = json.loads(dataset.attrs.get("parameters", "{}"))
     origin = {}
     if "direction" in parameters:
@@ -91,7 +95,7 @@ def _origin(dataset: xr.Dataset) -> dict[str, str]:
 
 
 def _label(properties: dict[str, str]) -> str:
-    """Return the legend label of a curve from its properties (label, damping, direction, ...)."""
+    """Return the legend label of a curve: damping, direction and so on, joined by commas."""
     if properties.get("direction") in DIRECTION_LABELS:
         properties = properties | {"direction": DIRECTION_LABELS[properties["direction"]]}
     return ", ".join(map(style.typeset_dampings, properties.values()))
@@ -100,13 +104,14 @@ def _label(properties: dict[str, str]) -> str:
 def _curve_styles(properties: list[dict[str, str]]) -> Iterator[CurveStyle]:
     """Yield a style for each curve: directions differ in dashes, other properties in colour.
 
-    `properties` has a dict for each curve, such as {"damping": "k1", "direction": "up"}. Curves
-    that differ in direction only have different colours as well.
+    `properties` has a dict for each curve, such as {"damping": "k1", "direction": "up"}. If the
+    curves differ in their direction only, the directions also differ in colour.
     """
     colour_keys = []
     for curve in properties:
         colour_keys.append(tuple(curve[name] for name in curve if name != "direction"))
     if len({*colour_keys}) == 1:
+        # Only the directions differ.
         colour_keys = [tuple(curve.values()) for curve in properties]
     styles = style.curve_styles(list(dict.fromkeys(colour_keys)))
     for colour_key, curve in zip(colour_keys, properties, strict=True):
@@ -118,7 +123,10 @@ def _curve_styles(properties: list[dict[str, str]]) -> Iterator[CurveStyle]:
 
 
 def axes_or_new(axes: Axes | None) -> Axes:
-    """Return `axes`, or the axes of a new pyplot figure if it is None."""
+    """Return `axes`, or the axes of a new pyplot figure if it is None.
+
+    Raise an `InputError` if `axes` are no axes of matplotlib.
+    """
     from matplotlib import pyplot
 
     if axes is None:
@@ -135,7 +143,7 @@ def common_scalar(curves: list[Curve], name: str) -> float | None:
 
 
 def have_si_units(curves: list[Curve]) -> bool:
-    """Return whether all curves have the same static deflection, in m.
+    """Return whether all curves have the same static deflection in m, which scales displacements.
 
     Models defined by ratios have no unit of length; their static deflection is stored as 1.
     """
@@ -143,9 +151,10 @@ def have_si_units(curves: list[Curve]) -> bool:
 
 
 def add_si_scale(axes: Axes, curves: list[Curve], variable: str, side: str):
-    """Add a scale in SI units for a variable on a side of the axes, "top" or "right".
+    """Add a second scale, in SI units, for a dimensionless variable on the side "top" or "right".
 
-    Nothing is added unless the factor to SI units is known and the same for all curves.
+    `SI_SCALES` names the variable that has its factor to SI units. Nothing is added unless this
+    factor is known and the same for all curves.
     """
     name = SI_SCALES.get(variable, "")
     factor = common_scalar(curves, name)
