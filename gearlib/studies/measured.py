@@ -60,13 +60,15 @@ class Comparison(NamedTuple):
 def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
     """Read a measured data set as a curve over speed and tuning, in the units of the model.
 
-    `path` is the YAML file of the data set; `resonance` has the computed sweeps of all dampings. A
-    run-up is replaced by its envelope. The attribute tuning_rate is the tuning per speed (rpm).
-    The attributes ``fitted_gain`` and ``fitted_offset`` of an observable are fitted to the damping
+    The tuning is mesh frequency over natural frequency. `path` is the YAML file of the data set;
+    `resonance` has the computed sweeps for all damping combinations. A run-up is replaced by its
+    envelope. The attribute tuning_rate is the tuning per speed (rpm). The attributes
+    ``fitted_gain`` and ``fitted_offset`` of an observable are fitted to the sweeps with the damping
     that describes the data best; the value without sensor errors is (value - offset) / gain.
     """
     measurement = read_measured(path)
     resonance = _with_orbit_height(resonance)
+    # A sweep has extrema or other summaries at each speed, a run-up only a time history.
     is_sweep = not set(SWEEP_SCALES).isdisjoint(measurement.data_vars)
     sweep = measurement if is_sweep else _envelope(measurement)
     tuning_rate = float(resonance.tuning[-1] / resonance.speed[-1])
@@ -94,7 +96,9 @@ def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
 def _envelope(measurement: xr.Dataset) -> xr.Dataset:
     """Return the extrema of displacement and force in short intervals of a run-up, over speed.
 
-    The dataset is empty if the measurement has no time, no speed or a constant speed.
+    `measurement` has samples over time and speed. The direction of an interval is 1 if the speed
+    rises and -1 if it falls. The dataset is empty without time or speed, or if the speed is
+    constant.
     """
     if not {"time", "speed"} <= set(measurement.coords):
         return xr.Dataset()
@@ -119,21 +123,22 @@ def _envelope(measurement: xr.Dataset) -> xr.Dataset:
 
 
 def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset) -> dict:
-    """Fit gain and offset of a sensor to the damping that describes the data best.
+    """Fit gain and offset of a sensor to the computed sweep that describes the data best.
 
-    `measured` is a measured curve with the variable `observable`, `resonance` has the computed
-    sweeps of all dampings. Return the attributes fitted_gain, 1 unless it is marked as unknown in
-    the measured set, and fitted_offset, 0 unless it is marked as unknown.
+    `measured` is a measured curve with the variable `observable`; `resonance` has the computed
+    sweeps of all damping combinations. Return the attributes fitted_gain and fitted_offset. They
+    are 1 and 0 unless the measured set marks gain or offset as unknown.
     """
     values, attrs = measured[observable].values, measured[observable].attrs
     fit_gain = bool(attrs.get("unknown_gain"))
     fit_offset = bool(attrs.get("unknown_offset"))
     dampings = resonance.damping.values if fit_gain or fit_offset else ()
-    fits = [(math.inf, 1.0, 0.0)]  # (mean square, gain, offset)
+    # (mean square, gain, offset); the first entry is the result if nothing is fitted.
+    fits = [(math.inf, 1.0, 0.0)]
     for damping in dampings:
         computed = _values_at_samples(measured, resonance.sel(damping=damping), observable)
         gain, offset = _line_fit(computed, values, fit_gain, fit_offset)
-        if gain > 0.0:
+        if gain > 0.0:  # false for NaN, if there are too few samples
             mean_square = np.nanmean((gain * computed + offset - values) ** 2)
             fits.append((mean_square, gain, offset))
     _, gain, offset = min(fits)
@@ -143,8 +148,8 @@ def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset)
 def _line_fit(computed, measured, fit_gain: bool = True, fit_offset: bool = True) -> tuple:
     """Return gain and offset of the least-squares line measured = gain * computed + offset.
 
-    `computed` and `measured` have shape (n,). The gain is 1 if it is not fitted, the offset is 0 if
-    it is not fitted. Both are NaN for fewer than four finite samples.
+    `computed` and `measured` have shape (n,). A gain that is not fitted is 1, an offset that is not
+    fitted is 0. Both are NaN if fewer than four samples are finite.
     """
     finite = np.isfinite(measured) & np.isfinite(computed)
     measured, computed = measured[finite], computed[finite]
@@ -163,10 +168,12 @@ def _line_fit(computed, measured, fit_gain: bool = True, fit_offset: bool = True
 
 
 def _values_at_samples(measured, sweeps, observable: str) -> np.ndarray:
-    """Return a computed observable at the speeds and directions of the measured samples.
+    """Return computed values of an observable at the speeds and directions of measured samples.
 
-    `measured` is a measured curve, `sweeps` are the computed sweeps of one damping. Values are NaN
-    outside the range of the computed speeds.
+    `measured` is a measured curve, `sweeps` are the computed sweeps with one damping combination.
+    `_DIRECTIONS` maps the measured codes 0, 1, -1 to the sweeps "cold" (equal initial states), "up"
+    and "down". Values are NaN outside the computed speeds, and for directions that were not
+    computed.
     """
     values = np.full(measured.sizes["sample"], np.nan)
     for code, direction in _DIRECTIONS.items():
@@ -186,11 +193,11 @@ def _with_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
 def time_history_harmonics(path: str, models: Mapping[str, Any], run: dict) -> xr.Dataset:
     """Compute the harmonics of measured time histories and of the settled motions of models.
 
-    `path` is the YAML file of the measured data set, `models` maps the name of a damping to a
-    model, `run` has arguments of `gearlib.simulate`. The dimensions are "course", a time history at
-    constant speed, observable, harmonic of the mesh period, and damping. The shape_phase (degrees)
-    of harmonic k is its phase minus k times the phase of the first harmonic, so it does not depend
-    on the unknown phase of the shaft.
+    `path` is the YAML file of the measured data set, `models` maps the name of a damping
+    combination to a model, `run` has arguments of `gearlib.simulate`. The dimensions are course (a
+    time history at constant speed), observable, harmonic of the mesh period, and damping. The
+    shape_phase (degrees) of harmonic k is its phase minus k times the phase of the first harmonic,
+    so it does not depend on the unknown phase of the shaft.
     """
     measurement = read_measured(path)
     names = [name for name in SI_SCALES if name in measurement]
@@ -216,8 +223,9 @@ def time_history_harmonics(path: str, models: Mapping[str, Any], run: dict) -> x
 
 
 def _require_conditions(conditions: list, path: str, measurement: xr.Dataset, allowed: str) -> None:
-    """Raise ValueError if `conditions`, those of a measured set with a suitable speed, are empty.
+    """Raise ValueError unless a measured data set has a condition with a suitable speed.
 
+    `conditions` are the results for such conditions, `path` is the file of the `measurement`, and
     `allowed` describes a suitable speed in the message.
     """
     speed = measurement.speed.values
@@ -226,9 +234,10 @@ def _require_conditions(conditions: list, path: str, measurement: xr.Dataset, al
 
 
 def _with_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr.Dataset:
-    """Return a dataset with the attributes of a measured data set and the units of the speed.
+    """Return a dataset with the attributes of a measured data set and with the unit of the speed.
 
-    The attribute course_units has the units of the `observables`, as in "displacement in m".
+    The additional attribute course_units has the units of the `observables`, which are names of
+    variables of `measurement`, as in "displacement in m".
     """
     dataset["speed"].attrs["units"] = "min-1"
     units = ", ".join(f"{name} in {measurement[name].attrs['units']}" for name in observables)
@@ -236,10 +245,11 @@ def _with_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr
 
 
 def _conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Dataset]:
-    """Return the samples of each measured condition as a dataset.
+    """Return a list with the samples of each measured condition as a dataset.
 
-    Only conditions with a constant speed, or only those with a varying speed, are returned. A
-    measurement without conditions counts as one condition.
+    A condition is a run of the test rig with its name. Only those with a constant speed are
+    returned, or with `constant_speed` False only those with a varying speed. A measurement without
+    names of conditions counts as one condition.
     """
     names = np.zeros(measurement.sizes["sample"])
     if "condition" in measurement.coords:
@@ -256,12 +266,13 @@ def _conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Datase
 def _computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Dataset:
     """Compute the harmonics of a simulated observable, in SI units, and one mesh period to plot.
 
-    `motion` is a result of `gearlib.simulate` with the arguments `run`. The mesh period starts at
-    the peak of the first harmonic.
+    `motion` is a result of `gearlib.simulate` with the arguments `run`, `observable` one of its
+    variables. The plotted mesh period starts at the peak of the first harmonic.
     """
     periods, samples = int(run["record_periods"]), int(run["samples_per_period"])
     scale = float(motion[SI_SCALES[observable]])
     values = scale * motion[observable].values[: periods * samples]
+    # The record has several mesh periods, so mesh harmonics are multiples of their number.
     harmonics = np.fft.rfft(values)[periods::periods][:_HARMONIC_COUNT] / (0.5 * values.size)
     phases = np.linspace(0.0, math.tau, samples, endpoint=False)
     plot_phases = np.linspace(0.0, math.tau, _COMPUTED_POINTS)
@@ -278,7 +289,8 @@ def _computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Data
 def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
     """Return the phase of each harmonic k minus k times the phase of the first, in degrees.
 
-    `harmonics` are complex amplitudes, starting with the first harmonic.
+    These differences do not change if the time history is shifted. `harmonics` are complex
+    amplitudes, starting with the first harmonic.
     """
     numbers = np.arange(1, harmonics.size + 1)
     return np.degrees(np.angle(harmonics * np.exp(-1j * numbers * np.angle(harmonics[0]))))
@@ -287,10 +299,10 @@ def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
 def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: float) -> xr.Dataset:
     """Fit the harmonics of a measured time history, and select samples to plot.
 
-    `condition` has the samples of one measured condition. Harmonics of the `mesh_frequency`, rad/s,
-    and their standard deviations are found by least squares. All values are NaN if there are too
-    few samples to determine them. The samples to plot, with the dimension "number", are point_phase
-    (rad) and point (value of the observable).
+    `condition` has the samples of one measured run, `observable` is one of its variables. Harmonics
+    of the `mesh_frequency`, rad/s, and their standard deviations are found by least squares. All
+    values are NaN if there are too few samples. The samples to plot, along "number", are
+    point_phase (rad from the peak of the first harmonic) and point (value of the observable).
     """
     finite = np.isfinite(condition[observable].values)
     # An observable that was only measured in other conditions keeps its first sample, which is NaN.
@@ -305,7 +317,8 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
         basis = np.hstack([np.ones((time.size, 1)), waves.real, waves.imag])
         fit, _, rank, _ = np.linalg.lstsq(basis, values, rcond=_MIN_SINGULAR_VALUE)
         if rank == basis.shape[1]:
-            # With this sign, the angle of a harmonic is the phase of a cosine.
+            # The columns of the basis are 1, cosines and sines. With this sign, the angle of a
+            # harmonic is the phase of a cosine.
             harmonics = fit[1 : _HARMONIC_COUNT + 1] - 1j * fit[_HARMONIC_COUNT + 1 :]
             noise = condition[observable].attrs.get("noise_std") or np.std(values - basis @ fit)
             deviation = noise * math.sqrt(2.0 / time.size)
@@ -325,13 +338,14 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
 
 
 def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
-    """Compute the first multiples of the mesh order, `_MESH_ORDERS`, of run-ups.
+    """Compute amplitudes of multiples of the mesh order in run-ups, measured and computed.
 
-    `path` is the YAML file of the measured data set, `models` maps the name of a damping to a
-    model. The dimensions are "track" (a measured run-up or run-down), observable, order (a multiple
-    of the mesh order) and block (of whole revolutions). The variable amplitude is measured,
-    computed_amplitude, which also has the dimension damping, is computed with the measured speed
-    course, from the static state on. Amplitudes are rms values in SI units.
+    The mesh order is the number of teeth, in periods per revolution; `_MESH_ORDERS` has its
+    multiples. `path` is the YAML file of the measured data set, `models` maps the name of a damping
+    combination to a model. The dimensions are track (a run-up or run-down), observable, order
+    (multiple of the mesh order) and block (of whole revolutions). amplitude is measured;
+    computed_amplitude, also over damping, follows from the measured speed course and starts from
+    the static state. Amplitudes are rms values in SI units.
     """
     measurement = read_measured(path)
     names = [name for name in SI_SCALES if name in measurement]
@@ -373,8 +387,9 @@ def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
 def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
     """Return the rms amplitudes of the mesh orders of a measured time history, (orders, blocks).
 
-    `history` is a variable over samples; `revolutions` are the shaft revolutions at each sample. A
-    block extends from one of the `edges`, in revolutions, to the next. Blocks with gaps are NaN.
+    Mesh orders are multiples of the number of `teeth`, in periods per revolution. `history` is a
+    variable over samples, `revolutions` are the shaft revolutions at the samples. A block extends
+    from one of the `edges`, in revolutions, to the next. Amplitudes of blocks with gaps are NaN.
     """
     finite = np.isfinite(history.values)
     revolutions, values = revolutions[finite], history.values[finite]
@@ -383,6 +398,7 @@ def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
     if missing_count:
         blocks = f"{missing_count} of {complete.size} blocks of revolutions"
         warnings.warn(f"{blocks} are left out of {history.name}: they have gaps", stacklevel=2)
+    # A Fourier coefficient of a block is an integral over its revolutions, by the trapezoidal rule.
     waves = values * np.exp(-2j * np.pi * teeth * _MESH_ORDERS[:, None] * revolutions)
     integrals = cumulative_trapezoid(waves, revolutions, initial=0.0)
     edge_values = np.array([np.interp(edges, revolutions, integral) for integral in integrals])
@@ -391,9 +407,10 @@ def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
 
 
 def _speed_course(condition: xr.Dataset) -> list[tuple[float, float]]:
-    """Approximate a measured speed course by straight lines; return their ends, rows (s, rpm).
+    """Approximate a measured speed course by straight lines; return their ends (time in s, rpm).
 
-    The points are means over groups of samples, so that sensor noise does not cause acceleration.
+    The ends are means over groups of samples, so that sensor noise does not cause acceleration. The
+    time starts at 0.
     """
     time = condition.time.values - condition.time.values[0]
     speed = condition.speed.values
@@ -407,10 +424,10 @@ def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Ite
 
     `curves`, `courses` (time histories at constant speed) and `orders` (of run-ups) are results of
     `measured_response_curve`, `time_history_harmonics` and `run_up_orders`, one for each measured
-    data set; `resonance` has the computed sweeps. The first row has the names of the columns; each
-    other row compares a quantity of one data set with one damping. In the columns, "set" is the
-    title of the data set, "calibration" tells which calibration the comparison requires, and
-    "deviations" is the difference divided by its standard deviation.
+    data set; `resonance` has the computed sweeps. After the names of the columns, each row compares
+    a quantity of one data set with one damping combination. "set" is the title of the data set,
+    "calibration" tells which calibration the comparison requires, and "deviations" is the
+    difference divided by its standard deviation.
     """
     header = ["set", "quantity", "calibration", "damping", "measured", "standard_deviation"]
     yield [*header, "computed", "difference", "deviations"]
@@ -428,9 +445,10 @@ def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Ite
 
 
 def _row(title: str, damping: str, comparison: Comparison) -> list:
-    """Return the table row for a comparison of a measured data set with one damping.
+    """Return the table row for a comparison of a measured data set with one damping combination.
 
-    `title` is the title of the data set, `damping` the name of the damping.
+    `title` is the title of the data set, `damping` the name of the combination. Values that are NaN
+    become empty cells.
     """
     measured, measured_deviation = comparison.measured
     computed, deviation = comparison.computed
@@ -446,9 +464,11 @@ def _row(title: str, damping: str, comparison: Comparison) -> list:
 
 
 def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of a measured curve with the computed `sweeps` of one damping.
+    """Yield comparisons of a measured curve with the `sweeps` of one damping combination.
 
-    Jump and peak ratios come first, because they need no calibration.
+    The curve is over speed. The comparisons are, in this order, ratios of jump speeds and of peaks,
+    which need no calibration; misfits of all observables; jump speeds; and the speed at which
+    contact is first lost.
     """
     observable = next((name for name in _JUMP_OBSERVABLES if name in measured), None)
     jumps = _compare_jumps(measured, sweeps, observable)
@@ -460,6 +480,7 @@ def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Compari
         yield Comparison("jump down over jump up", measured_ratio, computed_ratio)
     if observable and "direction" in measured.coords:
         computed = _values_at_samples(measured, sweeps, observable)
+        # The peaks of the smallest displacement are minima.
         sign = -1.0 if observable == "displacement_min" else 1.0
         noise = measured[observable].attrs["noise_std"] or math.nan
         directions = measured.direction.values
@@ -483,9 +504,10 @@ def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Compari
 def _compare_jumps(measured, sweeps, observable: str | None) -> dict[str, tuple]:
     """Return the measured and the computed jump speed for each direction with a measured jump.
 
-    The result maps "up" and "down" to two estimates in rpm. `sweeps` are the computed sweeps of one
-    damping. If the measured data set does not state a jump speed, the jump is searched in the
-    values of `observable` (None: no observable is suitable).
+    The result maps "up" and "down" to two estimates, each a speed in rpm and its standard
+    deviation. `sweeps` are the computed sweeps with one damping combination. If the measured data
+    set states no jump speed, the jump is searched in the values of `observable` (None: no
+    observable is suitable).
     """
     jumps = {}
     for code, direction in ((1, "up"), (-1, "down")):
@@ -503,7 +525,10 @@ def _compare_jumps(measured, sweeps, observable: str | None) -> dict[str, tuple]
 
 
 def _measured_speed(measured: xr.Dataset, name: str) -> Estimate:
-    """Return the speed `name` of a measured set and its standard deviation, rpm, NaN if unknown."""
+    """Return a speed stated in a measured data set and its standard deviation, rpm.
+
+    `name` is the name of the speed, such as "jump_up". Both values are NaN if it is not stated.
+    """
     if name not in measured:
         return _UNKNOWN
     return float(measured[name]), measured[name].attrs.get("noise_std", 0.0) or math.nan
@@ -512,7 +537,9 @@ def _measured_speed(measured: xr.Dataset, name: str) -> Estimate:
 def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
     """Find the speed at which a curve jumps, and its standard deviation, NaN without a jump.
 
-    The curve has `values` of an observable at `speeds`, in any order; NaN values are ignored.
+    The curve has `values` of an observable at `speeds`, in any order; NaN values are ignored. A
+    jump is a step between neighbouring samples that is large compared with the range of the values
+    and with all other steps.
     """
     finite = np.isfinite(values)
     order = np.argsort(speeds[finite], kind="stable")
@@ -521,6 +548,7 @@ def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
         return _UNKNOWN
     steps = np.abs(np.diff(values))
     i = int(steps.argmax())
+    # The steps next to the largest one may belong to the same jump.
     other_steps = np.concatenate([steps[: max(i - 1, 0)], steps[i + 2 :]])
     step_limit = _MIN_JUMP_STEP_RATIO * other_steps.max(initial=0.0)
     if steps[i] <= max(_MIN_JUMP_RANGE_RATIO * np.ptp(values), step_limit):
@@ -530,17 +558,21 @@ def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
 
 
 def _ratio(numerator: Estimate, denominator: Estimate) -> Estimate:
-    """Return the ratio of two estimates and its standard deviation."""
+    """Return the ratio of two estimates, and its standard deviation by propagation of errors.
+
+    An estimate is a value and its standard deviation.
+    """
     ratio = numerator[0] / denominator[0]
     relative_deviations = (numerator[1] / numerator[0], denominator[1] / denominator[0])
     return ratio, abs(ratio) * math.hypot(*relative_deviations)
 
 
 def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) -> Estimate:
-    """Return the ratio of the peaks of two sweeps, down to up, NaN if one sweep is missing.
+    """Return the ratio of the peaks of the sweeps down and up, and its standard deviation.
 
     `values` and `directions`, 1 (up) or -1 (down), have shape (samples,); `deviation` is the
-    standard deviation of the values. Both peaks are heights above the median of both sweeps.
+    standard deviation of the values. Peaks are heights above the median of both sweeps. The result
+    is NaN if a sweep is missing.
     """
     down, up = values[directions == -1], values[directions == 1]
     if not (np.isfinite(down).any() and np.isfinite(up).any()):
@@ -551,11 +583,11 @@ def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) ->
 
 
 def _misfits(measured, sweeps, observable: str) -> Iterator[Comparison]:
-    """Yield the rms difference between a measured curve and the computed `sweeps` of one damping.
+    """Yield the misfit: the rms difference of a measured curve and sweeps over the measured range.
 
-    It is relative to the range of the measured values. Gain and offset of the sensor are fitted; if
-    both are known, a second comparison uses the sensor as calibrated. The measured estimate is NaN
-    with the noise of the sensor as its standard deviation.
+    `sweeps` are the computed sweeps with one damping combination. Gain and offset of the sensor are
+    fitted; if neither is marked as unknown, a second comparison uses the sensor as calibrated. The
+    measured estimate is NaN, with the noise of the sensor as its standard deviation.
     """
     values = measured[observable].values
     computed = _values_at_samples(measured, sweeps, observable)
@@ -574,9 +606,10 @@ def _misfits(measured, sweeps, observable: str) -> Iterator[Comparison]:
 
 
 def _computed_onset(sweeps: xr.Dataset) -> Estimate:
-    """Return the speed at which contact is first lost in a sweep up, and its standard deviation.
+    """Return the speed of the first contact loss in an upward sweep, and its standard deviation.
 
-    `sweeps` are the computed sweeps of one damping. Both are NaN if contact is never lost.
+    `sweeps` are the computed sweeps with one damping combination. Both values are NaN if contact is
+    never lost.
     """
     if "up" not in sweeps.direction.values:
         return _UNKNOWN
@@ -586,13 +619,15 @@ def _computed_onset(sweeps: xr.Dataset) -> Estimate:
     if not onsets.size:
         return _UNKNOWN
     lower, upper = sweep.speed.values[onsets[0] : onsets[0] + 2]
+    # The onset is uniformly distributed between two speeds.
     return 0.5 * (lower + upper), (upper - lower) / math.sqrt(12.0)
 
 
 def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
     """Yield the comparisons of the mesh orders of run-ups, a result of `run_up_orders`.
 
-    In the names of quantities z is the mesh order, the number of teeth, and 2z twice this order.
+    In the names of quantities z is the mesh order, that is the number of teeth, and 2z twice this
+    order. Standard deviations are not known (NaN).
     """
     for i, j in np.ndindex(run_ups.sizes["track"], run_ups.sizes["observable"]):
         run_up = run_ups.isel(track=i, observable=j)
@@ -614,7 +649,12 @@ def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
 
 
 def _compare_time_histories(histories: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of the harmonics of a result of `time_history_harmonics`."""
+    """Yield comparisons of measured and computed harmonics of time histories at constant speed.
+
+    `histories` is a result of `time_history_harmonics` for one damping combination. Amplitudes are
+    compared as ratios to the first harmonic, phases relative to that of the first harmonic, so that
+    neither the calibration nor the phase of the shaft matters.
+    """
     for i, j in np.ndindex(histories.sizes["course"], histories.sizes["observable"]):
         history = histories.isel(course=i, observable=j)
         if not math.isfinite(float(history.amplitude[0])):
@@ -627,7 +667,7 @@ def _compare_time_histories(histories: xr.Dataset) -> Iterator[Comparison]:
             yield Comparison(f"harmonic {k + 1} over the first {where}", *ratios)
             phase = float(history.shape_phase[k]), float(history.shape_phase_std[k])
             computed_phase = float(history.computed_shape_phase[k])
-            # The computed phase is shifted by full turns next to the measured one.
+            # Full turns are added to the computed phase, so that it is next to the measured one.
             computed_phase += 360.0 * round((phase[0] - computed_phase) / 360.0)
             quantity = f"phase of harmonic {k + 1} minus {k + 1} times that of the first {where}"
             yield Comparison(quantity, phase, (computed_phase, math.nan), unit="deg")

@@ -41,9 +41,10 @@ _DISPLACEMENT_TOLERANCE = 1e-9
 def dissipation(coefficient: float, power: int, amplitude: float, frequency: float) -> float:
     """Return the work per period (N m) of the damping force D |v|^(n-1) v in a harmonic motion.
 
-    `coefficient` is D in N s^n/m^n, `power` is n >= 1; the motion has an `amplitude` in m and an
-    angular `frequency` in rad/s.
+    `coefficient` is D in N s^n/m^n, `power` is n >= 1, v is the velocity; the motion has an
+    `amplitude` in m and an angular `frequency` in rad/s.
     """
+    # The integral of |cos|^(n+1) over a period of 2 pi.
     integral = 2.0 * math.sqrt(math.pi) * math.gamma(power / 2.0 + 1.0)
     integral /= math.gamma((power + 3.0) / 2.0)
     return coefficient * (amplitude * frequency) ** (power + 1) / frequency * integral
@@ -64,15 +65,17 @@ def equivalent_coefficient(
 def damped_model(pair: GearPair, place: str, power: str, settings: dict) -> tuple[Any, float]:
     """Return a model with linear, quadratic or cubic damping, and its damping coefficient.
 
-    `pair` is undamped. `place` is the location of the damping, "material" (in contact) or "oil" (in
-    free flight); `power` is the power of the velocity, "linear", "quadratic" or "cubic". `settings`
-    have damping, the linear coefficient (N s/m), and amplitude (static deflections) and tuning of
-    the harmonic motion in which all dampings dissipate the same work.
+    `pair` is undamped. `place` is the location of the damping: "material" (in contact) or "oil" (in
+    free flight). `power` is the power of the velocity in the damping force: "linear", "quadratic"
+    or "cubic". `settings` has the keys damping, the linear coefficient (N s/m), and amplitude
+    (static deflections) and tuning (mesh frequency over natural frequency) of the harmonic motion
+    in which all these damping forces dissipate the same work.
     """
     exponent = [*POWERS].index(power) + 1
     amplitude = settings["amplitude"] * pair.static_deflection
     frequency = pair.mesh_frequency(settings["tuning"])
     coefficient = equivalent_coefficient(settings["damping"], exponent, amplitude, frequency)
+    # PLACES has the names of the linear, quadratic and cubic coefficient.
     damping = {PLACES[place][exponent - 1]: coefficient}
     if exponent == 1:
         return pair.replace(**damping), coefficient
@@ -88,12 +91,13 @@ def damping_study(
     run: dict,
     samples_per_period: int,
 ) -> xr.Dataset:
-    """Compute sweeps with one damping in all directions, their jumps, and phase portraits.
+    """Compute sweeps with one damping force in all directions, their jumps, and phase portraits.
 
     `pair`, `place` (location of the damping, "material" or "oil"), `power` (of the velocity,
-    "linear", "quadratic" or "cubic") and `settings` are arguments of `damped_model`. `settings`
-    also have shown, the tunings of the phase portraits, which have `samples_per_period`. `run` has
-    arguments of `gearlib.sweep`. Variables of jumps and contact loss are NaN if there are none.
+    "linear", "quadratic" or "cubic") and `settings` are arguments of `damped_model`. `tunings` are
+    mesh frequencies over the natural frequency. `settings` also has the key shown, the tunings of
+    the phase portraits, each with `samples_per_period`. `run` has arguments of `gearlib.sweep`.
+    Variables of jumps and contact loss are NaN if there are none.
     """
     damped, coefficient = damped_model(pair, place, power, settings)
     curves = {name: sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS}
@@ -130,8 +134,9 @@ def damping_study(
 def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -> dict[str, float]:
     """Return jump, peak and widest range of contact loss of a sweep, as variable -> value.
 
-    `curve` is the sweep of the model `damped` in this direction with the arguments `run`. The
-    range, from the tuning lost_from to lost_to, is NaN without contact loss.
+    `curve` is the sweep of the model `damped` over tuning (mesh frequency over natural frequency)
+    in this direction, with the arguments `run`. Contact is lost at the tunings from lost_from to
+    lost_to, which are NaN if it never is.
     """
     tuning = curve.tuning.values
     largest_jump = jump.find_jump(damped, tuning, _JUMP_RESOLUTION, direction, **run)
@@ -153,11 +158,12 @@ def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -
 
 
 def rows(studies: Sequence[xr.Dataset]) -> Iterator[list]:
-    """Yield the rows of the table of all dampings: the names of the columns, then their values.
+    """Yield the rows of the table of damping forces: the names of the columns, then their values.
 
-    `studies` are datasets from `damping_study`; each of their directions has a row. In the columns,
-    place is the location of the damping, power the power of the velocity, jump_interval the width
-    of the interval of tunings that contains the jump, jump_size the change of the orbit height.
+    `studies` are datasets from `damping_study`; each direction of their sweeps has a row. In the
+    columns, place is the location of the damping, power the power of the velocity, jump_interval
+    the width of the interval of tunings (dimensionless mesh frequencies) that contains the jump,
+    and jump_size the change of the orbit height.
     """
     features = ("jump", "jump_interval", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
     yield ["place", "power", "coefficient", "unit", "direction", *features]

@@ -23,8 +23,8 @@ def phase_plane_run(
 ) -> xr.Dataset:
     """Simulate the time history of a phase portrait, labelled with the name of its damping.
 
-    `tuning` is a tuning of `pair`; `model` runs at the same speed. `run` has arguments of
-    `gearlib.simulate`, `damping` is the name of the damping.
+    `tuning` is mesh frequency over natural frequency of `pair`; `model` runs at the same speed.
+    `run` has arguments of `gearlib.simulate`, `damping` is the name of the damping combination.
     """
     tuning = model.tuning_from(pair, tuning)
     motion = simulate(model, tuning, until_settled=True, **run)
@@ -36,9 +36,9 @@ def labels(
 ) -> xr.Dataset:
     """Classify the motion from rest (periodic, chaotic, ...) at each tuning.
 
-    `tunings` are tunings of `pair`; `model` runs at the same speeds. `settings` are further
-    arguments of `gearlib.trust`, which also tells how reliable the label of a motion is; `damping`
-    is the name of the damping.
+    `tunings` are mesh frequencies over the natural frequency of `pair`; `model` runs at the same
+    speeds. `settings` are further arguments of `gearlib.trust`, which also tells how reliable the
+    label of a motion is; `damping` is the name of the damping combination.
     """
     tunings = model.tuning_from(pair, np.asarray(tunings))
     classified = trust.classify_at_tunings(model, tunings, **settings)
@@ -48,13 +48,15 @@ def labels(
 def harmonic_lags(motion: xr.Dataset, count: int) -> np.ndarray:
     """Return the lags of the first `count` mesh harmonics, degrees in [-90, 270).
 
-    A lag is the phase by which the displacement follows the stiffness. `motion` is a result of
-    `simulate`. Lags are NaN unless it repeats after one mesh period.
+    A lag is the phase by which the displacement follows the stiffness, in degrees of this harmonic.
+    `motion` is a result of `gearlib.simulate`. Lags are NaN unless the motion repeats after one
+    mesh period.
     """
     if int(motion.period) != 1:
         return np.full(count, np.nan)
     displacement, stiffness = np.fft.rfft(motion.displacement), np.fft.rfft(motion.stiffness)
     lags = np.degrees(np.angle(stiffness[1 : count + 1] / displacement[1 : count + 1]))
+    # Undamped lags, 0 or 180 degrees, lie inside this range, far from its ends.
     return (lags + 90.0) % 360.0 - 90.0
 
 
@@ -63,10 +65,12 @@ def phase_lag(
 ) -> xr.Dataset:
     """Compute time histories and lags of all harmonics at a tuning, and the first lag over tuning.
 
-    `dampings` are material dampings of the pair (N s/m), `tunings` are the tunings of the first
-    lag, and `harmonics` is the number of harmonics. Lags are NaN where the orbit does not repeat
-    after one mesh period; lags and histories are NaN where rounding errors decide on which orbit
-    the motion ends.
+    A lag is the phase by which the displacement follows the stiffness. `dampings` are values of the
+    material damping (in contact, N s/m); `tuning` is mesh frequency over natural frequency,
+    `tunings` are those of the first lag; `harmonics` is the number of harmonics. `periods` and
+    `samples_per_period` are arguments of `gearlib.simulate`. Lags are NaN where the orbit does not
+    repeat after one mesh period; lags and histories are NaN where rounding errors decide on which
+    orbit the motion ends.
     """
     run = {"periods": periods, "samples_per_period": samples_per_period, "until_settled": True}
     models = [pair.replace(material_damping=damping) for damping in dampings]

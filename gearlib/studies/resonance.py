@@ -36,11 +36,11 @@ def sweep_window(
 ) -> xr.Dataset:
     """Compute a sweep over a window of tunings, labelled with damping and direction.
 
-    `window` is (first, last) and `step` the step, tunings of `pair`; `model` runs at the same
-    speeds. `run` has arguments of `gearlib.sweep`, `damping` is the name of the damping,
-    `direction` "cold" (every run from the same initial state), "up" or "down", and `threads` the
-    number of threads. A downward sweep that has not jumped continues below the window, down to the
-    tuning `lowest`, unless this is None.
+    `window` is (first, last) and `step` the step of tunings, mesh frequencies over the natural
+    frequency of `pair`; `model` runs at the same speeds. `run` has arguments of `gearlib.sweep`,
+    `damping` is the name of the damping combination, `direction` is "cold" (every run from the same
+    initial state), "up" or "down", and `threads` the number of threads. A downward sweep that has
+    not jumped continues below the window, down to the tuning `lowest`, unless this is None.
     """
     first_tuning, last_tuning = window
     tunings = model.tuning_from(pair, np.array(grid(first_tuning, last_tuning, step)))
@@ -53,9 +53,11 @@ def sweep_window(
 
 
 def branches(pair: GearPair, settings: dict, damping: str) -> xr.Dataset:
-    """Compute the branches of a gear pair, labelled with the name of its damping.
+    """Compute the branches of periodic orbits of a gear pair, labelled with its damping.
 
-    `settings` are arguments of `branches_of`.
+    A branch is a curve of orbits over tuning, mesh frequency over natural frequency. `settings` are
+    start and stop (tunings), step, max_height and max_points, the arguments of `branches_of`;
+    `damping` is the name of the damping combination.
     """
     return describe(branches_of(pair, **settings).assign_coords(damping=damping))
 
@@ -63,8 +65,10 @@ def branches(pair: GearPair, settings: dict, damping: str) -> xr.Dataset:
 def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Dataset:
     """Compute the branches of periodic orbits between two tunings, joined along ``point``.
 
-    `settings` have step, max_height and max_points of `gearlib.continue_orbit`. Raise NoOrbit if
-    there is no orbit of one mesh period at either tuning.
+    The tunings `start` and `stop` are mesh frequencies over the natural frequency. Branches of one
+    mesh period start at both, branches of two mesh periods at period doublings. `settings` are the
+    arguments step, max_height and max_points of `gearlib.continue_orbit`. Raise NoOrbit if there is
+    no orbit of one mesh period at either tuning.
     """
     branches: list[xr.Dataset] = []
     for begin, end in ((start, stop), (stop, start)):
@@ -90,9 +94,10 @@ def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Da
 
 
 def _orbit_at(model: Any, tuning: float) -> Any:
-    """Return an orbit of one mesh period, None if none is found.
+    """Return an orbit of one mesh period at a tuning, or None if none is found.
 
-    The search starts from the static deflection, then from the default state.
+    The tuning is mesh frequency over natural frequency. The search by Newton's method starts from
+    the static deflection at rest, then from the default state of `periodic_orbit`.
     """
     for guess in ((1.0, 0.0), None):
         try:
@@ -107,9 +112,9 @@ def _doubled_branch(
 ) -> xr.Dataset:
     """Follow the branch of doubled period that starts at a point of a branch, and return it.
 
-    `point` is the index of a period doubling. The doubled branch is followed to the tuning `start`
-    or `stop`, depending on the direction in which it starts; `settings` are further arguments of
-    `gearlib.continue_orbit`.
+    `point` is the index of a period doubling on `branch`. The doubled branch is followed to the
+    tuning `start` or `stop` (mesh frequency over natural frequency), depending on the direction in
+    which it starts; `settings` are further arguments of `gearlib.continue_orbit`.
     """
     orbit = switch_branch(model, branch, point)
     change = orbit.tuning - float(branch.tuning[point])
@@ -123,10 +128,11 @@ def _doubled_branch(
 
 
 def _joined(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Dataset:
-    """Join datasets along ``point``, with NaN for the Floquet multipliers of grazing orbits.
+    """Join branches along ``point``, with NaN for the Floquet multipliers of grazing orbits.
 
-    These multipliers change with the square root of the distance from the grazing orbit, so half of
-    their digits are rounding errors. `attrs` and `title` are the attributes of the result.
+    A grazing orbit touches the boundary of contact at zero velocity. Near it, the multipliers
+    change with the square root of the distance, so half of their digits are rounding errors.
+    `attrs` and `title` become attributes of the result.
     """
     dataset = xr.concat(datasets, "point", data_vars="minimal", combine_attrs="override")
     for name in ("multiplier_real", "multiplier_imaginary"):
@@ -139,12 +145,14 @@ def _joined(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Datas
 def loci(
     pair: GearPair, branches: xr.Dataset, start: float, stop: float, lowest: float, highest: float
 ) -> xr.Dataset:
-    """Compute the loci of folds, doublings and grazings of period one over tuning and damping.
+    """Compute the curves (loci) of special orbits of one mesh period over tuning and damping ratio.
 
-    `branches` are the branches of the gear pair. The loci lie between the tunings `start` and
-    `stop` and between the damping ratios `lowest` and `highest`. In the dataset, ``locus`` is the
-    index of the special point of the branches from which a locus starts, and ``own_damping`` the
-    damping ratio of `pair`, with which the branches were computed.
+    Special orbits are folds, period doublings and grazings, orbits that touch the boundary of
+    contact. `branches` are the branches of orbits of `pair`. The loci lie between the tunings
+    (dimensionless mesh frequencies) `start` and `stop` and between the damping ratios `lowest` and
+    `highest`. In the dataset, ``locus`` is the index of the point of the branches from which a
+    locus starts, and ``own_damping`` the damping ratio of `pair`, with which the branches were
+    computed.
     """
     labels = branches.label.values
     tunings = start, stop
@@ -156,7 +164,7 @@ def loci(
     is_special = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)
     for point in np.flatnonzero(is_special):
         for limit in (lowest, highest):
-            if limit == damping_ratio:
+            if limit == damping_ratio:  # the locus would end where it starts
                 continue
             try:
                 curve = locus(pair, branches, int(point), "damping", to=limit, limits=tunings)

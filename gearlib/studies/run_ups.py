@@ -32,11 +32,12 @@ def run_ups_at_several_rates(
 ) -> xr.Dataset:
     """Compute tuning and extrema of the displacement in each revolution of several run-ups.
 
-    `start` and `stop` are tunings of `pair`; `model` runs at the same speeds. In each run the
-    tuning rises linearly from `start` to `stop` and falls back at the same rate; `revolutions` has
-    the number of revolutions from `start` to `stop` for each run. The dataset also has the order
-    map of the slowest run, up to `mesh_orders` times the mesh order. `damping` is the name of the
-    damping.
+    `start` and `stop` are tunings, mesh frequencies over the natural frequency of `pair`; `model`
+    runs at the same speeds. In each run the tuning rises linearly from `start` to `stop` and falls
+    back at the same rate; `revolutions` has the number of revolutions from `start` to `stop` for
+    each run. The dataset also has an order map of the slowest run (amplitudes of the force over
+    orders and speed), up to `mesh_orders` times the mesh order. `damping` is the name of the
+    damping combination.
     """
     start_speed = float(model.speed(model.tuning_from(pair, start)))
     stop_tuning = model.tuning_from(pair, stop)

@@ -45,10 +45,11 @@ _FLAGS = flags_of(("unsettled", "free_of_rounding"))
 
 
 def build_model(name: str, pair: GearPair, six_degrees: dict, harmonics: int | None = None) -> Any:
-    """Return the model with a name of `MODELS` or the name `TRUNCATED_MODEL`.
+    """Return the model with a name of `MODELS`, or the one with a truncated stiffness.
 
-    `six_degrees` are further arguments of `SixDegreePair`; `harmonics` is the number of harmonics
-    of the truncated stiffness.
+    `pair` is the `GearPair` of the case. "six_degrees_plain" is a `SixDegreePair` without friction
+    and run-out. `six_degrees` has further arguments of `SixDegreePair`; `harmonics` is the number
+    of harmonics of the truncated stiffness, the model `TRUNCATED_MODEL`.
     """
     if name == "pair":
         return pair
@@ -62,16 +63,17 @@ def build_model(name: str, pair: GearPair, six_degrees: dict, harmonics: int | N
 def representative_runs(
     model: Any, tuning: float, run: dict, settings: dict
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
-    """Return the run from the initial state, and the runs that represent the motion.
+    """Return the run from the initial state, and the list of runs that represent the motion.
 
-    The motion is represented by this run itself, or by runs from random states if rounding errors
-    decide it. `run` has arguments of `gearlib.simulate`, `settings` has the random states, see
-    `many_starts.seeded_states`.
+    This list has only the first run, or, if rounding errors decide the motion, runs from random
+    states. A tiny change of the initial state tells whether they do. `tuning` is mesh frequency
+    over natural frequency, `run` has arguments of `gearlib.simulate`, `settings` has starts
+    (number), seed and spread of the random states.
     """
     initial_state = np.asarray(run.get("initial_state", (0.0, 0.0)), float)
 
     def run_from(state: np.ndarray, **options: Any) -> xr.Dataset:
-        """Run the model from a state; `options` replace arguments in `run`."""
+        """Run the model from an initial state; `options` replace arguments in `run`."""
         start = tuple(map(float, state))
         return simulate(model, tuning, **run | options | {"initial_state": start})
 
@@ -88,8 +90,9 @@ def representative_runs(
 def chosen_model_scene(comparison, cases, six_degrees: dict, run: dict, starts: dict) -> xr.Dataset:
     """Simulate a set of cases (a scene) with the model that a comparison of models has chosen.
 
-    `comparison` is a result of `compare`; the other arguments and the returned dataset are
-    described in `scene`.
+    `comparison` is a result of `compare`. A case has the keys title, tuning and pair; `six_degrees`
+    has arguments of `SixDegreePair`, `run` of `gearlib.simulate`, and `starts` the number, seed and
+    spread of random initial states. The dataset is described in `scene`.
     """
     return scene(cases, comparison.chosen.item(), six_degrees, run, starts)
 
@@ -99,11 +102,12 @@ def scene(
 ) -> xr.Dataset:
     """Simulate a set of cases (a scene), and return time histories and summaries of all cases.
 
-    A case has title, tuning and pair; `model` is a name of `MODELS`, `six_degrees` has further
-    arguments of `SixDegreePair`, `run` has arguments of `gearlib.simulate`. The dataset has the
-    dimensions case and (mesh) phase. free_of_rounding is 1 for runs that do not depend on rounding
-    errors. The others are repeated from random initial states: `starts` has their number (starts),
-    seed and spread. losing_share is the fraction of initial states from which contact is lost.
+    A case has the keys title, tuning (mesh frequency over natural frequency) and pair; `model` is a
+    name of `MODELS`, `six_degrees` has further arguments of `SixDegreePair`, `run` has arguments of
+    `gearlib.simulate`. The dataset has the dimensions case and (mesh) phase. free_of_rounding is 1
+    for runs that do not depend on rounding errors. The others are repeated from random initial
+    states: `starts` has their number (key starts), seed and spread. losing_share is the fraction of
+    initial states from which contact is lost.
     """
     histories = []
     for case in cases:
@@ -125,13 +129,13 @@ def compare(
 ) -> xr.Dataset:
     """Run a set of cases (a scene) with every model, and choose the smallest accurate model.
 
-    `criteria` has observables (names), tolerance of their relative changes, and candidates, the
+    A model is accurate if its change, the largest difference of an observable from any larger
+    model, is within a tolerance. `criteria` has observables (names), tolerance, and candidates, the
     models that may be chosen, from the smallest to the largest; `harmonics` is the number of
     harmonics of the truncated stiffness. The other arguments are described in `scene`. The dataset
-    has the values of the observables, and the change (NaN for the largest model) and cost of each
-    model, as medians and ranges over initial states, and the name of the chosen model.
-    free_of_rounding is 1 for runs that do not depend on rounding errors, change_free_of_rounding is
-    1 for such changes.
+    has the observables, and the change (NaN for the largest model) and cost of each model, as
+    medians and ranges over initial states, and the name of the chosen model. free_of_rounding and
+    change_free_of_rounding are 1 for runs and changes that do not depend on rounding errors.
     """
     names = [*MODELS, TRUNCATED_MODEL]
     observables = criteria["observables"]
@@ -184,10 +188,10 @@ def _relative_changes(
     """Return the changes of the models, (starts, models), and a mask of reliable ones, (models,).
 
     The change of a model is the largest difference of an observable from any larger model, relative
-    to the scale of the observable; it is NaN for the largest model. A change is reliable if no run
-    depends on rounding. `values` of observables and `scales` have the shape (starts, models, cases,
-    observables); the mask `is_reliable`, (models, cases), is true for runs that do not depend on
-    rounding.
+    to the scale of the observable; it is NaN for the largest model. It is reliable if no run
+    depends on rounding errors. `values` of observables and `scales` have the shape (initial states,
+    models, cases, observables); the mask `is_reliable`, (models, cases), is true for runs that do
+    not depend on rounding.
     """
     change = np.full(values.shape[:2], np.nan)
     is_change_reliable = np.asarray(is_reliable.all(axis=1))
@@ -201,14 +205,15 @@ def _relative_changes(
         difference[np.isnan(difference)] = math.inf
         change[:, i] = difference.max(axis=(1, 2, 3))
         is_change_reliable[i] &= is_reliable[references].all()
-    change[change < _MIN_CHANGE] = 0.0
+    change[change < _MIN_CHANGE] = 0.0  # such changes are rounding errors
     return change, is_change_reliable
 
 
 def _change_scale(run: xr.Dataset, observable: str) -> float:
-    """Return the scale of an observable: the height of the orbit or of the force, or 1.
+    """Return the scale to which differences of an observable between two models are relative.
 
-    `run` is a result of `simulate`.
+    It is the height of the orbit for extrema of the displacement, the range of the force for its
+    extrema, and 1 for other observables. `run` is a result of `simulate`.
     """
     if observable in _DISPLACEMENTS:
         return float(run.displacement_max - run.displacement_min)
@@ -220,10 +225,10 @@ def _change_scale(run: xr.Dataset, observable: str) -> float:
 def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
     """Return the number of state components that a run computes per mesh period.
 
-    `record` is a result of `simulate` with the arguments `run`. Closed forms compute the state once
-    for each piece of a mesh period and for each arc between contact events or changes of stiffness.
-    The cost of Taylor steps depends on rounding errors, so it is rounded to 1, 2 or 5 times a power
-    of ten.
+    `record` is a result of `simulate` with the arguments `run`, at a tuning (dimensionless mesh
+    frequency). Closed forms compute the state once for each piece (part of a mesh period) and for
+    each arc, the time between contact events or changes of stiffness. The cost of Taylor steps
+    depends on rounding errors, so it is rounded to 1, 2 or 5 times a power of ten.
     """
     propagator = model.propagator(tuning)
     evaluations = int(record.evaluations)  # 0 for closed forms
@@ -240,8 +245,9 @@ def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
 def rows(comparisons: Sequence[xr.Dataset], scenes: Sequence[str]) -> Iterator[list]:
     """Yield the rows of the table of comparisons: the names of the columns, then their values.
 
-    `comparisons` are datasets from `compare`, `scenes` the names of their sets of cases;
-    each model has a row. Numbers that depend on rounding errors are printed as `DIFFERS`.
+    `comparisons` are datasets from `compare`, `scenes` the names of their sets of cases; each model
+    has one row per scene. A number that depends on rounding errors is replaced by the word
+    `DIFFERS`.
     """
     yield ["scene", "model", "change", "tolerance", "cost", "chosen"]
     for scene_name, comparison in zip(scenes, comparisons, strict=True):
