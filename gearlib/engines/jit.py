@@ -55,8 +55,8 @@ def cache_folder() -> str:
 def _temporary_folder() -> str:
     """Return a folder for temporary files in which no other user can have written.
 
-    Code in a folder of another user could be harmful. If gearlib's usual folder is not owned by
-    this user, or the owner is unknown, a new folder is created.
+    Machine code that another user has written could be harmful, so that a new folder is created if
+    gearlib's usual one belongs to another user.
     """
     user = os.getuid() if hasattr(os, "getuid") else None
     path = os.path.join(tempfile.gettempdir(), f"gearlib-{user}")

@@ -51,9 +51,10 @@ class Base:
     ) -> Record:
         """Return the `Record` of a run from the state z over a span of mesh periods.
 
-        `samples` is the number of samples in each recorded period. If the excitation repeats only
-        after several mesh periods, the run begins in its period number `first_period`. Events are
-        recorded unless `keep_events` is False. z is not changed.
+        `span` is the `Span` (number of periods, of recorded periods, largest number of events in
+        one). `samples` is the number of samples in each recorded period. If the excitation repeats
+        only after several mesh periods, the run begins in its period number `first_period`. Events
+        (changes of contact) are recorded unless `keep_events` is False. z is not changed.
         """
         event_rows = _FIRST_EVENT_ROWS if keep_events else 0
         tables = self.model.empty_record(span.recorded * samples, event_rows)
@@ -62,15 +63,17 @@ class Base:
     def record(self, z, periods: int, max_events: int, samples: int = 0) -> Record:
         """Run from the state z, record all `periods` mesh periods and return the `Record`.
 
-        A period has at most `max_events` events; `samples` is its number of samples.
+        A run with more than `max_events` changes of contact in a period is given up, which its
+        status says; `samples` is the number of samples in each period.
         """
         return self.run(z, Span(periods, periods, max_events), samples)
 
     def fill_record(self, z, span: Span, samples, events, summary, first_period: int) -> Record:
         """Run from the state z, which may change, and fill the tables; return the `Record`.
 
-        `samples`, `events` and `summary` are empty tables with the columns of `Record`. The
-        excitation starts with its mesh period `first_period`.
+        `span` is the `Span` of mesh periods, and the excitation starts with its mesh period
+        `first_period`. `samples`, `events` and `summary` are empty tables with the columns of
+        `Record`. Subclasses define this method.
         """
         raise NotImplementedError
 
@@ -78,9 +81,10 @@ class Base:
         """Return (final state, period maps, status) of a run from the state z.
 
         Period maps, shape (periods, size, size), are the derivatives of the state after each mesh
-        period with respect to the state before it. They are exact, with a saltation matrix for each
-        flank crossing, and NaN if the status is not OK. A period has at most `max_events` events;
-        the excitation starts with its mesh period `first_period`.
+        period with respect to the state before it. They are exact: at each change of contact a
+        saltation matrix takes account of the shift in time. They are NaN if the status is not OK. A
+        period has at most `max_events` events; the excitation starts with its mesh period
+        `first_period`.
         """
         z = np.array(z, float)
         maps = np.empty((periods, z.size, z.size))
@@ -90,17 +94,20 @@ class Base:
         return z, maps, status
 
     def fill_maps(self, z, periods: int, max_events: int, maps, first_period: int) -> int:
-        """Fill the period maps of a run from the state z and return its status.
+        """Fill the period maps of a run from the state z and return the status of the run.
 
-        z becomes the final state. `maps` has the shape (periods, size, size), see `maps`; the
-        excitation starts with its mesh period `first_period`.
+        z becomes the final state. `maps`, shape (periods, size, size), receives the derivatives of
+        the state after each mesh period with respect to the state before it. A period has at most
+        `max_events` events; the excitation starts with its mesh period `first_period`. Subclasses
+        define this method.
         """
         raise NotImplementedError
 
     def propagate_many(self, states, periods: int, max_events: int) -> tuple:
-        """Return (final states, statuses) of runs from k states, shape (k, size).
+        """Return (final states, statuses) of runs from k initial states, shape (k, size).
 
-        Each run lasts `periods` mesh periods with at most `max_events` events in each of them.
+        Each run lasts `periods` mesh periods with at most `max_events` changes of contact in each
+        of them.
         """
         span = Span(periods, 1, max_events)
         records = [self.run(z, span, keep_events=False) for z in states]
@@ -110,10 +117,10 @@ class Base:
     def sections(
         self, states, settle_periods: int, phase: float, max_events: int, table, ends, statuses
     ) -> None:
-        """Fill `table` with states (x, x') of n motions at one phase of each mesh period.
+        """Fill `table` with the Poincare sections of n motions: (x, x') once in each mesh period.
 
         `table` has the shape (n, periods, 2). The motions start from `states`, shape (n, 2), and
-        run `settle_periods` mesh periods before the first entry. The phase, in rad, is a multiple
+        run `settle_periods` mesh periods before the first entry. The `phase`, in rad, is a multiple
         of one degree; a period has at most `max_events` events. `ends`, shape (n, 2), is filled
         with the final states and `statuses`, shape (n,), with the statuses of the runs.
         """
@@ -123,6 +130,7 @@ class Base:
                 f"phase = {phase!r} is not allowed for this {type(self.model).__name__}: it must "
                 "be a multiple of one degree, pi / 180"
             )
+        # With so few samples per mesh period, one of them lies at the phase.
         periods, samples = table.shape[1], period_fraction.denominator
         span = Span(settle_periods + periods, periods, max_events)
         for i, state in enumerate(states):
@@ -134,19 +142,25 @@ class Base:
                 ]
 
     def sweep(self, tunings, order, state, warm_start: bool, span: Span, rows: Rows) -> None:
-        """Run the model at all `tunings` over a `Span` and fill their result `rows`.
+        """Run the model at all `tunings` over a `Span` of mesh periods and fill the result tables.
 
-        `order` holds the indices of the tunings in the order of the runs. With `warm_start` a run
-        starts from all coordinates at the end of the previous run, otherwise from `state`.
+        A tuning is the mesh frequency over the natural frequency; `order` holds the indices of the
+        tunings in the order of the runs. With `warm_start` a run continues from the end of the
+        previous run, otherwise it starts from `state`. `rows` are the result tables, with one row
+        per tuning.
         """
         engine, repeats, next_period = self, self.model.repeats, 0
 
         def run(tuning: float, previous: Record | None) -> Record:
-            """Run at a tuning, from the end of the previous run or, if it is None, from `state`."""
+            """Return the `Record` of a run at a tuning, with a proven period in place of its own.
+
+            The run starts from the end of the `previous` run or, if that is None, from `state`.
+            """
             nonlocal engine, next_period
             engine, first_period = engine.at(tuning), next_period if previous else 0
             z = previous.state if previous else engine.initial_state(state)
             record = engine.run(z, span, first_period=first_period, keep_events=False)
+            # The next run continues at this period of the excitation.
             next_period = (first_period + span.periods) % repeats
             arguments = record.state, record.period, span.max_events, next_period
             return record._replace(period=proven_period(engine, *arguments))
@@ -155,11 +169,12 @@ class Base:
 
 
 def run_all_tunings(run: Callable, tunings, order, warm_start: bool, rows: Rows) -> None:
-    """Run a model at all `tunings` and fill their result `rows`.
+    """Run a model at all `tunings` and fill the rows of the result tables.
 
     ``run(tuning, previous)`` runs the model and returns its `Record`. With `warm_start`, `previous`
     is the record of the previous run; it is None for the first run, after a failed run and without
-    `warm_start`. `order` holds the indices of the tunings in the order of the runs.
+    `warm_start`. `order` holds the indices of the tunings in the order of the runs. In `rows`, a
+    `Rows`, failed runs are NaN; a displacement above `rows.bound` counts as overflow.
     """
     previous = None
     for i in order:

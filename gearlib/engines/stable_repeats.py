@@ -42,11 +42,12 @@ _START_DISTANCE, _DIVERGED_DISTANCE = 1e-13, 1e-2
 def proven_period(
     propagator: "Base", z: np.ndarray, period: int, max_events: int, first_period: int = 0
 ) -> int:
-    """Return the period of the orbit to which a motion from the state z converges, or 0.
+    """Return the period of the orbit to which a motion provably converges from a state, or 0.
 
-    The result is 0 if convergence is not proven. `period` is the number of mesh periods after which
-    stroboscopic states repeat to within a tolerance, or 0; the result equals it if it is proven. A
-    mesh period has at most `max_events` events; the excitation starts with period `first_period`.
+    z is the state, and `period` is the number of mesh periods after which states repeat to within a
+    tolerance, or 0; the result equals it if convergence to this orbit is proven. `propagator` is
+    the engine of the model. A mesh period has at most `max_events` events; the excitation starts
+    with its period `first_period`.
     """
     model = propagator.model
     if not period or propagator.proves_periods:
@@ -61,6 +62,7 @@ def proven_period(
     except ValueError:
         # The rigid-body rotation is damped, so it has to settle like all other motions.
         reduce = lift = np.eye(model.size)
+    # The tuning converts rates by mesh phase to rates by natural time, as large as displacements.
     weights = np.repeat([1.0, propagator.tuning], len(reduce) // 2)
     reduce, lift = weights[:, None] * reduce, lift / weights
     step = reduce @ (end_state - z)
@@ -79,13 +81,15 @@ def proven_period(
 def _distance_bound(matrix: np.ndarray, step: np.ndarray) -> float:
     """Return the bound D = sum |c_k| / (1 - |lambda_k|) on the distance of a motion from its orbit.
 
-    `matrix` is the monodromy matrix with the Floquet multipliers lambda_k. `step` is the change of
-    the state over one period of the orbit, and c_k are its components along the eigenvectors of the
-    matrix. D is infinite if the map hardly contracts.
+    `matrix` is the monodromy matrix, the derivative of the state over one period of the orbit, with
+    the eigenvalues lambda_k (Floquet multipliers). `step` is the change of the state over this
+    period, with the components c_k along the eigenvectors. D is infinite if a multiplier is so
+    close to the unit circle that deviations hardly decay.
     """
     norm = np.linalg.norm(matrix)
     if norm < 0.5:
-        # The map contracts so fast that rounding determines its eigenvectors.
+        # The map contracts so fast that rounding determines its eigenvectors. The geometric series
+        # of the norm gives a bound without them.
         return np.linalg.norm(step) / (1.0 - norm)
     multipliers, vectors = np.linalg.eig(matrix)
     decay = 1.0 - np.abs(multipliers)
@@ -98,13 +102,15 @@ def _distance_bound(matrix: np.ndarray, step: np.ndarray) -> float:
 
 
 def _avoids_grazing(propagator: "Base", record: Record) -> bool:
-    """Return whether a recorded motion is far from grazing the flank lines of its model.
+    """Return whether a recorded motion is far from grazing its flank lines.
 
-    At each flank line the extrema of the displacement keep a minimum distance, and crossings have a
-    minimum speed. `propagator` is the engine that has computed the `Record`.
+    A flank line is the displacement at which flanks touch; a motion that grazes it can change its
+    pattern of contacts. Extrema of the displacement keep a minimum distance from each line, and
+    crossings have a minimum speed. `propagator` is the engine that has computed the `Record`.
     """
     extrema = np.moveaxis(record.summary[..., [orbit.X_MAX, orbit.X_MIN]], -1, 0)
     distances = [np.abs(extrema - line).min() for line in propagator.model.flank_lines]
+    # Velocities are by mesh phase; the tuning converts them to natural time.
     speeds = np.abs(record.events[:, orbit.EVENT_VELOCITY]) * propagator.tuning
     return min(distances) > _GRAZING_DISTANCE and speeds.min(initial=math.inf) > _GRAZING_SPEED
 
@@ -114,9 +120,10 @@ def settled_period(
 ) -> tuple[int, int]:
     """Return (proven period of a motion, mesh periods until the proof) after a run.
 
-    `record` is the `Record` of the run over the `Span`. The period is 0 if the motion has not
-    settled or if rounding decides where it settles. With `until_settled` the run continues until
-    there is a proof, up to 20 times its length, but by at most 5000 periods.
+    A motion has settled when it provably converges to a periodic orbit. `record` is the `Record` of
+    the run over the `Span` by the engine `propagator`. The period is 0 without a proof, or if
+    rounding decides to which orbit the motion converges. With `until_settled` the run continues
+    until there is a proof, up to 20 times its length, but by at most 5000 periods.
     """
     z, period, periods = record.state, record.period, span.periods
     # If a neighbouring motion diverges, rounding decides where the motion settles.

@@ -38,7 +38,10 @@ _W, _RATE, _ACCELERATION, _DAMPING, _STIFFNESS, _FORCE_SLOPE = range(6)
 
 @inlined_kernel
 def stiffness_bound(mesh):
-    """Return an upper bound of the stiffness of both flanks of a `NonlinearMesh` at all phases."""
+    """Return an upper bound of the stiffness of both flanks at all phases.
+
+    `mesh` is a `NonlinearMesh`, whose drive and coast flanks have stiffnesses of their own.
+    """
     bound = _segment_stiffness_bound(mesh.stiffness_lines, mesh.stiffness_harmonics)
     lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
     return max(bound, _segment_stiffness_bound(lines, harmonics))
@@ -48,8 +51,8 @@ def stiffness_bound(mesh):
 def _segment_stiffness_bound(stiffness_lines, harmonics):
     """Return an upper bound at all phases of a stiffness, the sum of a broken line and harmonics.
 
-    `stiffness_lines`, shape (m, 2), has the start value and the slope of each segment; `harmonics`,
-    shape (j, 3), has the columns order, cosine and sine coefficient.
+    `stiffness_lines`, shape (m, 2), has the value at the start and the slope of each of m segments;
+    `harmonics`, shape (j, 3), has the columns order, cosine and sine coefficient.
     """
     total = 0.0
     for i in range(harmonics.shape[0]):
@@ -62,10 +65,11 @@ def _segment_stiffness_bound(stiffness_lines, harmonics):
 def max_perturbation_step(constants, max_stiffness, contact_code, x, v):
     """Return the longest step in phase over which the series of a perturbation converges.
 
-    A perturbation oscillates with the natural frequency in contact even if the motion (x, v) is
-    slow. The terms of its series, (frequency * step)^k / k!, have to fall below rounding by
-    k = ORDER. `constants`, shape (COLUMNS,), holds the constants for the contact code and the
-    segment; the linear stiffness is at most `max_stiffness`.
+    A perturbation oscillates with the natural frequency in contact even if the motion, with the
+    displacement x and the velocity v, is slow. The terms of its series, (frequency * step)^k / k!,
+    have to fall below rounding by k = ORDER. `constants`, shape (COLUMNS,), holds the constants for
+    the contact code (drive 1, none 0, coast -1) and the segment of the stiffness; the linear
+    stiffness is at most `max_stiffness`.
     """
     # P2, P3: quadratic and cubic stiffness; D1 to D3: linear to cubic damping. Only P2 may be < 0.
     deflection = abs(x - constants[FLANK_LINE]) if contact_code != NO_CONTACT else 0.0
@@ -80,11 +84,12 @@ def max_perturbation_step(constants, max_stiffness, contact_code, x, v):
 
 @kernel
 def _fill_equation(constants, contact_code, velocity_sign, series, perturbation):
-    """Fill the rows _DAMPING and _STIFFNESS of `perturbation` for the equation of perturbations.
+    """Fill the series of damping and stiffness in the equation of a small perturbation w.
 
-    `series` holds the Taylor series of the motion, whose velocity has the sign `velocity_sign`
-    throughout the step. `constants`, shape (COLUMNS,), holds the constants for the contact code and
-    the segment.
+    The equation is w'' + damping w' + stiffness w = 0; the series fill the rows _DAMPING and
+    _STIFFNESS of `perturbation`. `series` holds the Taylor series of the motion, whose velocity has
+    the sign `velocity_sign` throughout the step. `constants`, shape (COLUMNS,), holds the constants
+    for the contact code (drive 1, none 0, coast -1) and the segment of the stiffness.
     """
     damping_series, stiffness_series = perturbation[_DAMPING], perturbation[_STIFFNESS]
     force_slope = perturbation[_FORCE_SLOPE]
@@ -94,6 +99,7 @@ def _fill_equation(constants, contact_code, velocity_sign, series, perturbation)
         deflection = series[DISPLACEMENT, k] - (constants[FLANK_LINE] if k == 0 else 0.0)
         force_slope[k] = 2.0 * p2 * deflection + 3.0 * p3 * series[DEFLECTION_SQUARE, k]
         stiffness_series[k] = 0.0
+    # The linear terms of damping and spring force have constant derivatives.
     damping_series[0] += constants[D1]
     force_slope[0] += 1.0
     if contact_code == NO_CONTACT:
@@ -107,7 +113,10 @@ def _fill_equation(constants, contact_code, velocity_sign, series, perturbation)
 
 @inlined_kernel
 def _series_value(coefficients, t):
-    """Return the value at t of a power series with ORDER + 1 coefficients, constant first."""
+    """Return the value at t of a power series with ORDER + 1 coefficients, constant first.
+
+    It is computed by Horner's scheme.
+    """
     total = coefficients[ORDER]
     for k in range(ORDER - 1, -1, -1):
         total = total * t + coefficients[k]
@@ -125,14 +134,16 @@ def set_identity(map_matrix):
 def map_step(constants, contact_code, velocity_sign, step, series, perturbation, map_matrix):
     """Multiply a map of perturbations (w, w'), shape (2, 2), from the left by the map of a step.
 
-    `step` is the length of the Taylor step, and `series` holds the Taylor series of the motion,
-    whose velocity has the sign `velocity_sign` throughout. `constants`, shape (COLUMNS,), holds the
-    constants for the contact code and the segment. `perturbation`, (6, ORDER + 1), is overwritten.
+    `step` is the length of the Taylor step, and `series` holds the series of the motion, whose
+    velocity has the sign `velocity_sign` throughout. `constants`, shape (COLUMNS,), holds the
+    constants for the contact code (drive 1, none 0, coast -1) and the segment of the stiffness.
+    `perturbation`, (6, ORDER + 1), is overwritten.
     """
     _fill_equation(constants, contact_code, velocity_sign, series, perturbation)
     ground = constants[GROUND_STIFFNESS]
     w, rate, acceleration = perturbation[_W], perturbation[_RATE], perturbation[_ACCELERATION]
     damping_series, stiffness_series = perturbation[_DAMPING], perturbation[_STIFFNESS]
+    # Number of coefficients of damping and stiffness without the zeros at the end.
     term_count = ORDER
     while (
         term_count > 1
@@ -156,7 +167,7 @@ def map_step(constants, contact_code, velocity_sign, step, series, perturbation,
 def _damping_coefficient(constants, speed):
     """Return the damping force over x' at the speed |x'|.
 
-    `constants`, shape (COLUMNS,), holds the damping constants for the contact code and the segment.
+    `constants`, shape (COLUMNS,), has the coefficients D1, D2 and D3 of linear to cubic damping.
     """
     return constants[D1] + constants[D2] * speed + constants[D3] * speed * speed
 
@@ -165,12 +176,14 @@ def _damping_coefficient(constants, speed):
 def map_crossing(constants, segment, code_before, code_after, v, map_matrix):
     """Multiply a map of perturbations, (2, 2), from the left by the saltation matrix of a crossing.
 
-    The contact code changes from `code_before` to `code_after` at the velocity v, on a stiffness
-    segment. `constants` has the shape (3, m, COLUMNS), by contact code + 1 and segment. Without
-    backlash a change from flank to flank crosses both flank lines.
+    The saltation matrix is the jump of a perturbation where the damping jumps. The contact code
+    (drive 1, none 0, coast -1) changes from `code_before` to `code_after` at the velocity v, on a
+    segment of the stiffness. `constants` has the shape (3, m, COLUMNS), by contact code + 1 and
+    segment. Without backlash a change from flank to flank crosses free flight.
     """
     contact_code, speed = code_before, abs(v)
     while contact_code != code_after:
+        # From flank to flank, free flight comes in between.
         next_code = (
             code_after if contact_code == NO_CONTACT or code_after == NO_CONTACT else NO_CONTACT
         )

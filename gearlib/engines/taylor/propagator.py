@@ -55,8 +55,9 @@ _NO_EVENT, _DRIVE_FLANK, _COAST_FLANK, _TURNING_POINT = range(4)
 def _fill_scaled_polynomial(series, quantity, reference, factor, step):
     """Fill the row SCALED of `series` with the polynomial factor * (a - reference) in t / step.
 
-    The row `quantity` of `series` holds the power series a in the phase t. Returns the sum of the
-    magnitudes of all terms beyond the square term.
+    The row `quantity` of `series` holds the power series a in the phase t. In t / step the step is
+    the interval [0, 1], as the search for roots needs. Returns the sum of the magnitudes of all
+    terms beyond the square term.
     """
     power, tail = factor, 0.0
     for k in range(1, ORDER + 1):
@@ -70,12 +71,12 @@ def _fill_scaled_polynomial(series, quantity, reference, factor, step):
 
 @kernel
 def first_crossing(series, quantity, line, direction, step, to_bernstein, work):
-    """Return the fraction of a step at which a quantity a(t) first crosses a line.
+    """Return the fraction of a step at which a quantity a(t) first crosses a value, the line.
 
     A crossing is a fall of direction * (a - line) through zero; the direction is 1 or -1. The row
     `quantity` of `series` holds the power series of a. The fraction is 2 if there is no crossing
-    and -1 if the search fails. `step` is the length of the step, `to_bernstein` the matrix from
-    power to Bernstein coefficients, and `work`, shape (WORK_ROWS, ORDER + 2), is overwritten.
+    and -1 if the search fails. `step` is the length of the step; `to_bernstein` is the matrix that
+    converts power to Bernstein coefficients; `work`, shape (WORK_ROWS, ORDER + 2), is overwritten.
     """
     tail = _fill_scaled_polynomial(series, quantity, line, direction, step)
     polynomial = series[SCALED]
@@ -167,16 +168,17 @@ def add_step_to_summary(
 ):
     """Add the extrema and contact times of a Taylor step to the summary of a motion.
 
-    `step` is the length of the step; `below_mean` says whether the stiffness is below its mean. The
-    rows of `series` hold the Taylor series of displacement and mesh force, and its row SCALED is
-    overwritten. `to_bernstein` is the matrix from power to Bernstein coefficients, `work` is
-    overwritten.
+    `step` is the length of the step in phase, `contact_code` is drive 1, none 0 or coast -1, and
+    `below_mean` says whether the stiffness is below its mean. The rows of `series` hold the Taylor
+    series of displacement and mesh force; its row SCALED is overwritten. `to_bernstein` converts
+    power to Bernstein coefficients, and `work` is overwritten.
     """
     polynomial = series[SCALED]
     _fill_scaled_polynomial(series, DISPLACEMENT, 0.0, 1.0, step)
     orbit.add_polynomial_extrema(polynomial, to_bernstein, work, summary, orbit.X_MAX, orbit.X_MIN)
     orbit.add_contact_time(contact_code, step, below_mean, summary)
     if contact_code != NO_CONTACT:
+        # Forces in the equation by phase lack the factor tuning^2.
         _fill_scaled_polynomial(series, MESH_FORCE, 0.0, tuning * tuning, step)
         integral = 0.0
         for k in range(ORDER + 1):
@@ -191,10 +193,11 @@ def add_step_to_summary(
 def add_samples(tuning, phase, step, contact_code, series, samples, sample):
     """Fill the samples of a mesh period that lie in a Taylor step; return the next sample's index.
 
-    The step starts at a phase of the period and has the length `step`, a constant contact code and
-    the Taylor series in the rows of `series`. `sample` is the index of the first sample that is not
-    filled yet.
+    The step starts at a `phase` of the period and has the length `step`, a constant contact code
+    (drive 1, none 0, coast -1) and the Taylor series in the rows of `series`. `sample` is the index
+    of the first row of `samples` that is not filled yet.
     """
+    # Forces and stiffnesses in the equation by phase lack this factor.
     force_scale = tuning * tuning
     while sample < samples.shape[0]:
         t = samples[sample, orbit.SAMPLE_PHASE] - phase
@@ -348,9 +351,9 @@ class Propagator(Base):
     description = "Taylor steps"
 
     def __init__(self, model, tuning: float, tolerance: float = TOLERANCE):
-        """Compute the constants of a model at a tuning.
+        """Compute the constants of a model at a tuning, mesh frequency over natural frequency.
 
-        `tolerance` is the truncation error of each step, in static deflections.
+        `tolerance` is the truncation error of each Taylor step, in static deflections.
         """
         super().__init__(model, tuning)
         self.tolerance = tolerance
@@ -363,16 +366,18 @@ class Propagator(Base):
     def fill_record(self, z, span, samples, events, summary, first_period):
         """Run from the state z over a `Span`, fill the tables and return the `Record`.
 
-        z becomes the final state; see `Base.fill_record` for the tables. The excitation starts with
-        its mesh period `first_period`.
+        z becomes the final state. `samples`, `events` and `summary` are empty tables with the
+        columns of `Record`. The excitation starts with its mesh period `first_period`.
         """
         tables = samples, events, summary, np.empty((0, 2, 2))
         return self._integrate_from(z, span, *tables, first_period)
 
     def fill_maps(self, z, periods, max_events, maps, first_period):
-        """Fill the period maps, shape (periods, 2, 2), of a run from z; return its status.
+        """Fill the period maps of a run from the state z, and return the status of the run.
 
-        z becomes the final state; the excitation starts with its mesh period `first_period`.
+        Period maps, shape (periods, 2, 2), are the derivatives of the state after each mesh period
+        with respect to the state before it. z becomes the final state. A period has at most
+        `max_events` steps or events; the excitation starts with its mesh period `first_period`.
         """
         span, tables = Span(periods, 0, max_events), self.model.empty_record(events=0)
         return self._integrate_from(z, span, *tables, maps, first_period).status
@@ -380,8 +385,9 @@ class Propagator(Base):
     def _integrate_from(self, z, span, samples, events, summary, maps, first_period) -> Record:
         """Run from the state z, fill the tables and the period maps, and return the `Record`.
 
-        z becomes the final state. `maps` has the shape (periods, 2, 2) or, without maps, (0, 2, 2).
-        The excitation starts with its mesh period `first_period`.
+        z becomes the final state. `span` is the `Span` of mesh periods. `maps`, the derivatives of
+        the state over each period, has the shape (periods, 2, 2) or, if they are not needed, (0, 2,
+        2). The excitation starts with its mesh period `first_period`.
         """
         tables = samples, events, span.max_events, summary, maps
         result = self.run_kernel(*z, span.periods, span.recorded, tables, first_period)
@@ -390,9 +396,10 @@ class Propagator(Base):
         return Record(z, z, period, samples, events[:event_count], summary, status, steps * ORDER)
 
     def run_kernel(self, x, v, periods, recorded, tables, first_period):
-        """Call `run_nonlinear` for a run from displacement x and velocity v; return its result.
+        """Run from displacement x and velocity v by `run_nonlinear`, and return its result.
 
-        `tables` holds its last five arguments, from `samples` to `period_maps`. `first_period` has
-        no effect, because the excitation of a nonlinear mesh repeats after each period.
+        `recorded` is the number of the last `periods` that are recorded. `tables` are (samples,
+        events, largest number of steps in a period, summary, period maps). `first_period` has no
+        effect, because the excitation of a nonlinear mesh repeats after each period.
         """
         return run_nonlinear(self.mesh, TO_BERNSTEIN, x, v, periods, recorded, *tables)
