@@ -78,7 +78,8 @@ class NonlinearMesh(NamedTuple):
 def damping_coefficients(mesh, contact_code):
     """Return the damping coefficients d1, d2, d3, shape (3,), for a contact code.
 
-    `mesh` is a `NonlinearMesh`. The coefficients multiply x', |x'| x' and x'^3.
+    They multiply x', |x'| x' and x'^3. The contact code is drive 1, none 0 or coast -1; `mesh` is a
+    `NonlinearMesh`.
     """
     if contact_code == NO_CONTACT:
         return mesh.backlash_damping
@@ -90,8 +91,8 @@ def _fill_harmonics(harmonics, series_terms):
     """Tabulate factors of the Taylor series of harmonics; return the mean, the harmonic of order 0.
 
     `harmonics`, shape (j, 3), has the columns order n, cosine and sine coefficient. Each row of
-    `series_terms`, shape (j, ORDER + 4), receives these three values and then n^k / k! with the
-    signs of derivatives. Order 0 is left out.
+    `series_terms`, shape (j, ORDER + 4), receives these three values and then n^k / k!, the Taylor
+    coefficients of cosine and sine, with the signs of their derivatives. Order 0 is left out.
     """
     mean, row = 0.0, 0
     for i in range(harmonics.shape[0]):
@@ -112,8 +113,9 @@ def _fill_harmonics(harmonics, series_terms):
 def tabulate_mesh(mesh):
     """Return (constants, harmonics) of a `NonlinearMesh` for the Taylor steps.
 
-    `constants` has the shape (3, m, COLUMNS), by contact code + 1 and segment. `harmonics` has the
-    shape (4, n, ORDER + 4), by contact code + 1 or EXCITATION; a row of zeros follows the last one.
+    `constants` has the shape (3, m, COLUMNS): contact code (drive 1, none 0, coast -1) plus 1, and
+    segment of the piecewise linear stiffness. `harmonics` has the shape (4, n, ORDER + 4), by
+    contact code + 1 for the stiffness, or EXCITATION; a row of zeros follows the last one.
     """
     max_count = max(
         mesh.stiffness_harmonics.shape[0],
@@ -130,6 +132,7 @@ def tabulate_mesh(mesh):
         mean = _fill_harmonics(harmonics_of_side, harmonics[contact_code + 1])
         stiffness_lines = mesh.coast_stiffness_lines if is_coast else mesh.stiffness_lines
         damping = damping_coefficients(mesh, contact_code)
+        # A deflection is negative on the coast side, so that quadratic terms change their sign.
         sign = 1.0 if contact_code == DRIVE else -1.0
         for segment in range(stiffness_lines.shape[0]):
             row = constants[contact_code + 1, segment]
@@ -149,11 +152,13 @@ def tabulate_mesh(mesh):
 def _add_harmonics(harmonics, group, phase, series, quantity):
     """Add the Taylor coefficients of harmonics at a phase to the row `quantity` of `series`.
 
-    `harmonics`, shape (4, n, ORDER + 4), comes from `tabulate_mesh`; its first index `group` is a
-    contact code + 1 or EXCITATION.
+    `harmonics`, shape (4, n, ORDER + 4), comes from `tabulate_mesh`: order, cosine and sine
+    coefficient, then n^k / k! with signs. Its first index `group` is a contact code + 1 or
+    EXCITATION.
     """
     for j in range(harmonics.shape[1]):
         order = harmonics[group, j, 0]
+        # A row of zeros ends the group.
         if order == 0.0:
             break
         cosine, sine = cos_sin(order * phase)
@@ -169,10 +174,12 @@ def _add_harmonics(harmonics, group, phase, series, quantity):
 def _square_and_cube_terms(series, quantity, square_quantity, k):
     """Return coefficient k of a^2 and of a^3 without the terms 2 a_0 a_k and 3 a_0^2 a_k.
 
-    The row `quantity` of `series` holds the power series a, and the row `square_quantity` holds the
+    The caller adds these terms last, because they need the newest coefficient a_k. The row
+    `quantity` of `series` holds the power series a, and the row `square_quantity` holds the
     coefficients of a^2 up to k - 1.
     """
     constant_term = series[quantity, 0]
+    # The caller adds the left-out terms, 2 a_0^2 and 3 a_0^3, so that the sums are a_0^2 and a_0^3.
     if k == 0:
         return -constant_term * constant_term, -2.0 * constant_term * constant_term * constant_term
     square_sum, cube_sum, cube_tail = 0.0, 0.0, 0.0
@@ -192,10 +199,10 @@ def _square_and_cube_terms(series, quantity, square_quantity, k):
 
 @inlined_kernel
 def _product_coefficient(series, quantity, other_quantity, k):
-    """Return coefficient k of the Cauchy product of two rows of `series`.
+    """Return coefficient k of the product of two power series, a sum of k + 1 products.
 
-    `quantity` and `other_quantity` are their row numbers. The newest coefficients are added last,
-    so that the other sums can be computed in parallel.
+    `quantity` and `other_quantity` are their rows in `series`. The newest coefficients are added
+    last, so that the processor can compute the other sums in parallel.
     """
     if k == 0:
         return series[quantity, 0] * series[other_quantity, 0]
@@ -220,9 +227,9 @@ def expand_motion(
 ):
     """Fill the Taylor series of the motion that starts from (x, v) at a phase of a segment.
 
-    `constants` and `harmonics` come from `tabulate_mesh`; `segment` is the index of the stiffness
-    segment. The contact code and the sign of the
-    velocity do not change in the step. `series`, shape (ROWS, ORDER + 1), receives `term_count` <=
+    The contact code (drive 1, none 0, coast -1) and the sign of the velocity do not change in the
+    step. `constants` and `harmonics` come from `tabulate_mesh`; `segment` is the index of a segment
+    of the piecewise linear stiffness. `series`, shape (ROWS, ORDER + 1), receives `term_count` <=
     ORDER coefficients of the velocity beyond the first.
     """
     i = contact_code + 1
@@ -280,8 +287,9 @@ def step_length(constants, series, max_step):
     """Return the longest step up to `max_step` for which the last series terms are negligible.
 
     `series` holds the Taylor series of the motion. `constants`, shape (3, m, COLUMNS), holds the
-    tuning nu and tolerance ** (1 / ORDER). The last two terms show how fast the terms decrease; one
-    of them may vanish by symmetry. Velocities by phase are multiplied by the tuning.
+    tuning (mesh frequency over natural frequency), which converts velocities by phase to velocities
+    by natural time, and tolerance ** (1 / ORDER). The last two terms show how fast the terms
+    decrease; one of them may vanish by symmetry.
     """
     tuning, step_scale = constants[0, 0, TUNING], constants[0, 0, STEP_SCALE]
     state_size, step_ratio = max(1.0, abs(series[DISPLACEMENT, 0])), max_step / step_scale
@@ -303,7 +311,8 @@ def step_length(constants, series, max_step):
 def state_at(series, t):
     """Return (x, x') of a Taylor series at the phase t after its start.
 
-    Even and odd powers are summed separately, so that the processor can add them in parallel.
+    `series` has the rows DISPLACEMENT and VELOCITY. Even and odd powers are summed separately, so
+    that the processor can add them in parallel.
     """
     square = t * t
     x, odd_x = series[DISPLACEMENT, ORDER], series[DISPLACEMENT, ORDER - 1]

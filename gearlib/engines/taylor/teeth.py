@@ -98,8 +98,9 @@ class ToothPairSystem(NamedTuple):
 def _law_value(law, t, x):
     """Return factor * x - offset of a law at the displacement x and the phase t.
 
-    `law`, shape (6,), has the coefficients of factor and offset, two parabolas in t, which counts
-    from the start of a segment.
+    A law is a force or an overlap that is linear in x. `law`, shape (6,), has the three
+    coefficients of the factor and then of the offset, both parabolas in t, which counts from the
+    start of a segment.
     """
     factor = law[FACTOR] + t * (law[FACTOR_SLOPE] + t * law[FACTOR_SQUARE])
     return factor * x - law[OFFSET] - t * (law[OFFSET_SLOPE] + t * law[OFFSET_SQUARE])
@@ -107,13 +108,12 @@ def _law_value(law, t, x):
 
 @kernel
 def touching_set(overlaps, active_set, coast_line, t, x):
-    """Return the set of tooth pairs that touch at a displacement x and a phase t.
+    """Return the set of tooth pairs that touch at a displacement x and a phase t of a segment.
 
-    The phase counts from the start of a segment. Sets are integers with a bit for each of the k
-    pairs; 2^k stands for the coast side, which touches below `coast_line`. Bits of `active_set`
-    mark pairs on their path of contact. If the pairs of a set carry the load, another pair i
-    overlaps by the `_law_value` of the law ``overlaps[set, i]``, shape (6,), and touches where this
-    overlap is positive.
+    Sets are integers with a bit for each of the k pairs; 2^k stands for the coast side, which
+    touches below `coast_line`. Bits of `active_set` mark pairs on their path of contact. If the
+    pairs of a set carry the load, another pair i overlaps by factor * x - offset of the law
+    ``overlaps[set, i]``, shape (6,), and touches where this is positive.
     """
     # All pairs of the wanted set overlap and no other pair does; rounding may leave a violation.
     coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
@@ -134,10 +134,10 @@ def touching_set(overlaps, active_set, coast_line, t, x):
 
 @inlined_kernel
 def _expand_parabola(value, slope, square, t, speed, acceleration):
-    """Return the five Taylor coefficients in time of a parabola in the phase.
+    """Return the five Taylor coefficients in time of a parabola in the mesh phase.
 
     The parabola is value + slope * phase + square * phase^2. At time 0 the phase is t, its rate is
-    `speed`, and this rate grows by `acceleration` in a unit of time.
+    `speed`, and this rate grows by `acceleration` per unit of time.
     """
     phase_slope, half_acceleration = slope + 2.0 * square * t, 0.5 * acceleration
     return (
@@ -153,8 +153,9 @@ def _expand_parabola(value, slope, square, t, speed, acceleration):
 def _expand_law(law, t, speed, acceleration):
     """Return the Taylor coefficients in time of the factor and of the offset of a law, five each.
 
-    `law`, shape (6,), has their coefficients by powers of the phase. At time 0 the phase is t and
-    grows with `speed` and `acceleration`.
+    A law is factor * x - offset; `law`, shape (6,), has the coefficients of both by powers of the
+    mesh phase. At time 0 the phase is t, its rate is `speed`, and the derivative of this rate is
+    `acceleration`.
     """
     factors = law[FACTOR], law[FACTOR_SLOPE], law[FACTOR_SQUARE]
     offsets = law[OFFSET], law[OFFSET_SLOPE], law[OFFSET_SQUARE]
@@ -166,10 +167,10 @@ def _expand_law(law, t, speed, acceleration):
 
 @inlined_kernel
 def _fill_product(series, quantity, law):
-    """Fill the row `quantity` of `series` with the Taylor series of factor * x - offset.
+    """Fill the row `quantity` of `series` with the Taylor series in time of factor * x - offset.
 
-    `law` has five Taylor coefficients of the factor and five of the offset; the row DISPLACEMENT of
-    `series` holds x.
+    `law` is a pair: five Taylor coefficients of the factor, and five of the offset. The row
+    DISPLACEMENT of `series` holds x.
     """
     factors, offsets = law
     for k in range(ORDER + 1):
@@ -183,10 +184,11 @@ def _fill_product(series, quantity, law):
 def _expand_motion(law, load, load_rate, damping, force_scale, x, v, step, max_step, series):
     """Fill the Taylor series of the motion that starts from (x, v), as far as a step needs it.
 
-    The mesh force is `force_scale` * (factor * x - offset), and `law` has the Taylor coefficients
-    of factor and offset. `load`, with the derivative `load_rate`, includes the damping force due to
-    the gap. `step` is the length of the step, at most `max_step`. Returns the changes of x and v in
-    the step and the sum of the magnitudes of the terms of x in it beyond the square term.
+    The equation is x'' = load - damping * x' - force_scale * (factor * x - offset). `law` has the
+    Taylor coefficients of factor and offset. `load`, with the derivative `load_rate`, includes the
+    damping force due to the gap. `step` is the length of the step, at most `max_step`. Returns the
+    changes of x and v in the step, and the sum of the magnitudes of the terms of x beyond the
+    square term.
     """
     (a0, a1, a2, a3, a4), (b0, b1, b2, b3, b4) = law
     a0, a1, a2, b0 = force_scale * a0, force_scale * a1, force_scale * a2, force_scale * b0
@@ -228,9 +230,10 @@ def _expand_motion(law, load, load_rate, damping, force_scale, x, v, step, max_s
 def _keeps_sign(law, sign, step, tail, series):
     """Return whether bounds prove that sign * (factor * x - offset) stays positive in a step.
 
+    The terms up to the square one form a parabola, whose minimum must exceed a bound of all others.
     `law` has the Taylor coefficients of factor and offset, and `series` holds the Taylor series of
     x. `step` is the length of the step, and `tail` is the sum of the magnitudes of the terms of x
-    in it beyond the square term.
+    beyond the square term.
     """
     (a0, a1, a2, a3, a4), (b0, b1, b2, b3, b4) = law
     square_step = step * step
@@ -241,6 +244,7 @@ def _keeps_sign(law, sign, step, tail, series):
     constant, slope = a0 * x_0 - b0, a0 * x_1 + a1 * x_0 - b1
     square = a0 * x_2 + a1 * x_1 + a2 * x_0 - b2
     high_terms = abs(a3) + abs(a4)
+    # Bound of all products of terms whose powers add up to 3 or more.
     remainder = (abs(a0) + abs(a1) + abs(a2) + high_terms) * tail + high_terms * (
         abs(x_0) + abs(x_1) + abs(x_2)
     )
@@ -253,13 +257,15 @@ def _keeps_sign(law, sign, step, tail, series):
 def _map_step(law, t, damping, force_scale, step, map_matrix):
     """Multiply a map of perturbations, shape (2, 2), from the left by the map of a Taylor step.
 
-    The step has the length `step` and starts at the phase t since the start of a segment. The mesh
-    force is `force_scale` * (factor * x - offset), with the coefficients in `law`, shape (6,).
+    The map of the step is the derivative of (x, x') at its end with respect to its start. The step
+    has the length `step` and starts at the phase t since the start of a segment. The mesh force is
+    `force_scale` * (factor * x - offset), with the coefficients in `law`, shape (6,).
     """
     stiffness = (law[FACTOR] + t * (law[FACTOR_SLOPE] + t * law[FACTOR_SQUARE])) * force_scale
     slope = (law[FACTOR_SLOPE] + 2.0 * law[FACTOR_SQUARE] * t) * force_scale
     square = law[FACTOR_SQUARE] * force_scale
     image = np.empty((2, 2))
+    # Column j is the motion of a perturbation that starts as (1, 0) or (0, 1).
     for j in range(2):
         older_term, previous_term, term, velocity_term = 0.0, 0.0, 1.0 - j, 1.0 * j
         displacement, velocity, power = term, velocity_term, 1.0
@@ -300,8 +306,8 @@ def _first_contact_event(
     event and -1 if rounding hides whether there is one. At the start of the step `start_pair` has
     zero overlap; it is -1 if no pair has. If the mesh `may_jam`, contact on the other side counts
     as well. The first rows of `series` hold the motion, and its row ROWS receives the overlaps;
-    `tail` is the sum of the magnitudes of the terms of x beyond the square term. See
-    `first_crossing` for `to_bernstein` and `work`.
+    `tail` is the sum of the magnitudes of the terms of x beyond the square term. `to_bernstein`
+    converts power to Bernstein coefficients, and `work` is overwritten.
     """
     coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
     first_fraction, first_pair = 2.0, -1
@@ -335,10 +341,10 @@ def _first_contact_event(
 
 @inlined_kernel
 def _contact_code_of(contact_set, coast_set):
-    """Return the contact code for a set of touching pairs of teeth.
+    """Return the contact code (drive 1, none 0, coast -1) for a set of touching tooth pairs.
 
-    The set 0 means no contact, `coast_set` contact of the coast side, and any other set contact of
-    the drive side.
+    Sets are integers with a bit for each pair of drive-side teeth: 0 means no contact, and
+    `coast_set` means contact of the coast side.
     """
     if contact_set == 0:
         return NO_CONTACT
@@ -547,9 +553,10 @@ class Propagator(propagator.Propagator):
         self.system = model.system(tuning)
 
     def run_kernel(self, x, v, periods, recorded, tables, first_period):
-        """Call `run_tooth_pairs` for a run from displacement x and velocity v; return its result.
+        """Run from displacement x and velocity v by `run_tooth_pairs`, and return its result.
 
-        `tables` holds its arguments from `samples` to `period_maps`.
+        `record_periods` there is `recorded` here. `tables` are (samples, events, largest number of
+        events in a period, summary, period maps); the run begins in mesh period `first_period`.
         """
         samples, events, max_events, summary, maps = tables
         tables = samples, events, max_events, summary.reshape(1, -1), maps

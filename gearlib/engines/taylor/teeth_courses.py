@@ -29,19 +29,21 @@ class CoursePropagator(teeth.Propagator):
         return self.system
 
     def set_piece(self, piece: CoursePiece, base_acceleration: np.ndarray) -> None:
-        """Set the inertia force due to the acceleration of a `CoursePiece`.
+        """Set the inertia force due to the acceleration of a piece of the speed and load course.
 
-        `base_acceleration`, shape (1,), is the acceleration of x due to d2tau/dtheta2 = 1.
+        In a `CoursePiece` the acceleration is constant. `base_acceleration`, shape (1,), is the
+        acceleration of x due to d2tau/dtheta2 = 1 (mesh phase tau, dimensionless time theta).
         """
         self.inertia_load = float(base_acceleration[0]) * piece.acceleration
 
     def _system_of(
         self, piece: CoursePiece, intervals: PieceIntervals, lengths: np.ndarray, theta: np.ndarray
     ) -> teeth.ToothPairSystem:
-        """Return the `ToothPairSystem` for k intervals of a `CoursePiece`, with p segments.
+        """Return the `ToothPairSystem` for k intervals of a `CoursePiece`, which have p segments.
 
-        `lengths`, shape (p,), are the durations of the segments; `theta`, shape (k + 1,), has the
-        bounds of the intervals.
+        In a `CoursePiece` acceleration and slope of the load are constant. `lengths`, shape (p,),
+        are the durations of the segments in theta, the dimensionless time; `theta`, shape (k + 1,),
+        has the bounds of the intervals.
         """
         base_system, times = self.system, intervals.end_times(lengths) - lengths
         # The piece may begin within an interval of phase, one or more cycles of the teeth later.
@@ -65,10 +67,12 @@ class CoursePropagator(teeth.Propagator):
         )
 
     def run_intervals(self, piece, state, intervals, samples_per_period, max_events):
-        """Run through the `PieceIntervals` of a `CoursePiece` and return an `IntervalRecord`.
+        """Run through the intervals of a `CoursePiece` and return an `IntervalRecord`.
 
-        `state`, shape (2,), holds displacement and velocity by theta; it becomes the final state.
-        Each interval has `samples_per_period` samples and at most `max_events` contact events.
+        In the piece acceleration and slope of the load are constant. `state`, shape (2,), holds
+        displacement and velocity by theta, the dimensionless time; it becomes the final state. Each
+        of the `intervals` (a `PieceIntervals`) has `samples_per_period` samples and at most
+        `max_events` contact events.
         """
         lengths, periods = intervals.lengths(piece), len(intervals.block)
         theta = intervals.bounds(piece, lengths)
