@@ -25,7 +25,7 @@ MARKER_COUNT = 14
 FROM_REST_COLOUR, TONGUE_COLOUR = "#8C8C8C", "#F0E44299"
 #: Name and colour of each kind of motion, by its code in `gearlib.analysis.trust`.
 MOTION_KINDS = tuple(MOTIONS.items())
-_MAIN_HEIGHT, _PANEL_HEIGHT, _LEGEND_HEIGHT, _COLUMNS = 4.8, 1.6, 0.4, 2
+_MAIN_HEIGHT, _PANEL_HEIGHT, _LEGEND_HEIGHT, _COLUMNS = 5.1, 1.6, 0.4, 2
 
 
 @style.styled()
@@ -34,13 +34,14 @@ def draw_resonance(
 ):
     """Return a figure of resonance characteristics, above a panel for each damping.
 
-    `resonance` is a dataset over (damping, direction, tuning); `colours` maps names of dampings to
-    colours. Further data are optional. `labels` and `branches` have a dataset for each damping: the
-    kinds of motion by `gearlib.analysis.trust`, drawn as a strip of colours, and the branches of
-    orbits by `gearlib.studies.resonance`, drawn as thin lines. `tongues` of parametric resonance
-    are drawn as shades, `measured` curves as points. With `forces` the figure has a panel of mesh
-    forces, and the limits of displacement leave out coast-side contact. Lines show settled motions,
-    markers other motions, carets values beyond the limits.
+    A characteristic is the motion's largest and smallest displacement over the tuning (mesh
+    frequency over natural frequency). `resonance` is a dataset over (damping, direction, tuning);
+    `colours` maps names of damping combinations to colours. Further data are optional. `labels` and
+    `branches` have a dataset for each damping: the kinds of motion by `gearlib.analysis.trust`,
+    drawn as a strip of colours, and branches of periodic orbits, drawn as thin lines. Instability
+    `tongues` (tuning intervals) are drawn as shades, `measured` curves as points. With `forces`
+    there is a panel of mesh forces, and the limits of displacement leave out coast-side contact.
+    Lines show settled (periodic) motions, markers other motions, carets values beyond the limits.
     """
     resonance = resonance.sortby("tuning")
     from_rest = sweeps_from_rest(resonance)
@@ -48,7 +49,7 @@ def draw_resonance(
     other_directions = [name for name in resonance.direction.values if name != from_rest.direction]
     with_panels = bool(other_directions or labels or branches or tongues is not None)
     columns = min(_COLUMNS, len(curve_styles))
-    rows = -(-len(curve_styles) // columns)
+    rows = -(-len(curve_styles) // columns)  # rounded up
     heights = [_MAIN_HEIGHT + _PANEL_HEIGHT * forces, _PANEL_HEIGHT * rows + _LEGEND_HEIGHT]
     figure = style.page_figure(sum(heights[: 1 + with_panels]))
     upper_area = lower_area = figure
@@ -77,7 +78,10 @@ def draw_resonance(
 
 
 def sweeps_from_rest(resonance: xr.Dataset) -> xr.Dataset:
-    """Return the sweeps from rest ("cold"), or of the first direction if none start from rest."""
+    """Return the sweeps whose runs start from rest (direction "cold").
+
+    Return the sweeps of the first direction if none start from rest.
+    """
     directions = resonance.direction.values
     return resonance.sel(direction="cold" if "cold" in directions else directions[0])
 
@@ -85,9 +89,10 @@ def sweeps_from_rest(resonance: xr.Dataset) -> xr.Dataset:
 def shown_range(sweeps: xr.Dataset, names: tuple, max_overshoot=1.0) -> tuple[float, float]:
     """Return the range (lower, upper) of values to show of the variables `names` of sweeps.
 
-    The range includes 0, all settled motions, and other motions that exceed the range of the
-    settled ones by at most `max_overshoot` times this range, because large motions of undamped
-    meshes never settle.
+    The range includes 0 and all settled (periodic) motions, whose period is above 0. Other motions
+    are included if they exceed this range by at most `max_overshoot` times its width, because large
+    motions of undamped meshes never settle. If no motion has settled, the range includes the
+    fraction `SHOWN_FRACTION` of all values.
     """
     values = np.concatenate([sweeps[name].values.ravel() for name in names])
     is_settled = np.tile(sweeps.period.values.ravel() > 0, len(names))[np.isfinite(values)]
@@ -104,8 +109,9 @@ def shown_range(sweeps: xr.Dataset, names: tuple, max_overshoot=1.0) -> tuple[fl
 def _limits(sweeps: xr.Dataset, coast_side: bool, max_overshoot=1.0) -> tuple[float, float]:
     """Return axis limits of the displacement in sweeps.
 
-    With `coast_side` they include coast-side contact unless it is far from all displacements.
-    `max_overshoot` is an argument of `shown_range`.
+    With `coast_side` they include the displacement at which the coast-side flanks touch, unless it
+    is far from all displacements. Motions that are not periodic are included if they exceed the
+    range of the periodic ones by at most `max_overshoot` times this range.
     """
     low, high = shown_range(sweeps, EXTREMA, max_overshoot)
     backlash = float(sweeps.backlash_ratio)
@@ -115,10 +121,11 @@ def _limits(sweeps: xr.Dataset, coast_side: bool, max_overshoot=1.0) -> tuple[fl
 
 
 def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured, coast_side: bool):
-    """Draw the displacement extrema of sweeps for all dampings, and measured curves over them.
+    """Draw the displacement extrema of sweeps for all damping combinations, with measured curves.
 
-    `curve_styles` maps names of dampings to styles. With `coast_side` the limits include
-    displacements of coast-side contact.
+    They are drawn over the tuning (mesh frequency over natural frequency). `curve_styles` maps
+    names of damping combinations to styles. With `coast_side` the limits include the displacement
+    at which the coast-side flanks touch.
     """
     axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
     axes.set_ylim(_limits(sweeps, coast_side))
@@ -135,8 +142,7 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
     if (sweeps.period.values == 0).any():
         handles.append(style.legend_entry("not settled", "0.3", "none", ".", markersize=3))
     # Undamped motions fill the whole panel, so that the legend is below it.
-    below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.12)}
-    axes.legend(handles=handles, ncols=len(handles), **below)
+    style.legend(axes.figure, handles, columns=len(handles))
     axes.set(xlabel=style.TUNING_LABEL, ylabel=EXTREMA_LABEL)
     # Three scales lie above the panel, at positions relative to its height: the tunings relative to
     # the largest and the smallest stiffness, and the speed.
@@ -150,10 +156,11 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
 
 
 def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
-    """Draw the largest mesh forces of sweeps for all dampings, and measured forces over them.
+    """Draw the largest mesh forces of sweeps for all damping combinations, with measured forces.
 
-    `curve_styles` maps names of dampings to styles. The title warns of forces that jump, because no
-    dynamic factor K_v follows from them.
+    They are drawn over the tuning (mesh frequency over natural frequency). `curve_styles` maps
+    names of damping combinations to styles. The title, the start of the dataset's comment, warns if
+    forces jump with the stiffness, because no dynamic factor K_v follows from them.
     """
     axes.set_ylim(0.0, 1.05 * shown_range(sweeps, FORCE)[1])
     _draw_dampings(axes, sweeps, curve_styles, FORCE)
@@ -166,7 +173,11 @@ def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
 
 
 def _draw_dampings(axes, sweeps: xr.Dataset, curve_styles: dict, names: tuple, width=1.0):
-    """Draw the variables `names` of sweeps for all dampings, the keys of `curve_styles`."""
+    """Draw the variables `names` of sweeps over the tuning, a curve for each damping combination.
+
+    The tuning is the mesh frequency over the natural frequency. `curve_styles` maps names of
+    damping combinations to styles; `width` is the line width in points.
+    """
     for number, (damping, curve_style) in enumerate(curve_styles.items()):
         label, marker_shift = style.typeset_dampings(damping), number / len(curve_styles)
         sweep = sweeps.sel(damping=damping)
@@ -174,15 +185,17 @@ def _draw_dampings(axes, sweeps: xr.Dataset, curve_styles: dict, names: tuple, w
 
 
 def _of_damping(datasets, damping: str) -> xr.Dataset | None:
-    """Return the first of the datasets that has the given damping, or None."""
+    """Return the first of the datasets that has the damping combination `damping`, or None."""
     return next((data for data in datasets if data.damping == damping), None)
 
 
 def _draw_panel(axes, sweeps: xr.Dataset, curve_style: style.CurveStyle, motion_kinds, branches):
-    """Draw the sweeps of one damping in all directions, in the colour of `curve_style`.
+    """Draw the sweeps of one damping combination in all directions: from rest, up and down.
 
-    `motion_kinds` and `branches` are datasets or None: the kind of motion from rest at each tuning,
-    drawn as a strip at the lower edge, and branches of orbits, drawn as thin lines.
+    Sweeps from rest are broad and grey, the others have the colour of `curve_style`. `motion_kinds`
+    and `branches` are datasets or None: the kind of motion from rest at each tuning (mesh frequency
+    over natural frequency), drawn as a strip at the lower edge, and branches of periodic orbits,
+    drawn as thin lines.
     """
     axes.set_title(style.typeset_dampings(str(sweeps.damping.item())))
     axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
@@ -206,19 +219,22 @@ def _draw_panel(axes, sweeps: xr.Dataset, curve_style: style.CurveStyle, motion_
 
 
 def _shade_tongues(axes, tongues: xr.Dataset):
-    """Shade the tuning intervals of the tongues of parametric resonance."""
+    """Shade the instability tongues: intervals of tuning with parametric resonance.
+
+    The tuning is the mesh frequency over the natural frequency. Empty tongues are left out.
+    """
     for low, high in zip(tongues.tuning_from.values, tongues.tuning_to.values, strict=True):
         if low < high:
             axes.axvspan(low, high, color=TONGUE_COLOUR, linewidth=0, zorder=0.5)
 
 
 def _legend_entries(from_rest, other_directions: list[str], motion_kinds, branches, tongues):
-    """Return the legend handles that all panels of dampings share.
+    """Return the legend handles that the panels of all damping combinations share.
 
     `from_rest` are the sweeps drawn with broad lines, `other_directions` the directions of the
-    other sweeps. `motion_kinds` (classified motions from rest) and `branches` of orbits are
-    sequences of datasets, which may be empty; `tongues` of parametric resonance are a dataset or
-    None.
+    other sweeps. `motion_kinds` (classified motions from rest, with a code `label`) and `branches`
+    of periodic orbits are sequences of datasets, which may be empty; `tongues` (intervals of tuning
+    with parametric resonance) are a dataset or None.
     """
     label = DIRECTION_LABELS[from_rest.direction.item()]
     handles = [style.legend_entry(label, FROM_REST_COLOUR, linewidth=3.0)]
@@ -240,12 +256,12 @@ def _legend_entries(from_rest, other_directions: list[str], motion_kinds, branch
 
 
 def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=1.0, label=None):
-    """Draw the variables `names` of one sweep over its tunings, within the limits of the axes.
+    """Draw the variables `names` of one sweep over the tuning, within the limits of the axes.
 
-    Settled motions have a line, other motions have markers alone, values beyond the limits have
-    carets at the limits. `marker_shift`, from 0 to 1, moves the markers along the line, so that
-    they do not cover the markers of other curves. `width` is the line width in points, `label` the
-    legend label.
+    The tuning is the mesh frequency over the natural frequency. Settled (periodic) motions have a
+    line, other motions have markers alone, values beyond the limits have carets at the limits.
+    `marker_shift`, from 0 to 1, moves the markers along the line, so that they do not cover the
+    markers of other curves. `width` is the line width in points, `label` the legend label.
     """
     tuning = sweep.tuning.values
     low, high = axes.get_ylim()
@@ -253,7 +269,8 @@ def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=
     for name in names:
         values = sweep[name].values
         is_inside = (values >= low) & (values <= high)
-        # A line connects settled motions that are neighbours.
+        # A line connects settled motions (period above 0) that are neighbours. The padding lets the
+        # first and last tuning have neighbours, too.
         is_settled = np.pad(is_inside & (sweep.period.values > 0), 1)
         has_line = is_settled[1:-1] & (is_settled[:-2] | is_settled[2:])
         line = {"color": curve_style.colour, "linestyle": curve_style.line, "linewidth": width}
@@ -276,9 +293,11 @@ def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=
 def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     """Return a figure of the resonance characteristics of several gear pairs.
 
-    `curves` has the sweeps of each pair, over (damping, direction, tuning), `labels` their names.
-    Displacements are drawn in micrometres, mesh forces in static loads. Each pair has its colour,
-    each damping its dashes.
+    A characteristic is the largest and smallest displacement, or the largest mesh force, over the
+    tuning (mesh frequency over natural frequency). `curves` has the sweeps of each pair, over
+    (damping, direction, tuning), `labels` the names of the pairs. Displacements are drawn in
+    micrometres, forces in static loads. Each pair has its colour, each damping combination its
+    dashes.
     """
     figure = style.page_figure(height=6.0)
     displacement_axes, force_axes = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
@@ -316,8 +335,9 @@ def draw_nonlinear_damping(studies: list[xr.Dataset]):
     """Return a figure of nonlinear damping: resonance sweeps above, phase planes below.
 
     `studies` are results of `gearlib.studies.nonlinear_damping.damping_study`, one for each power
-    and location of the damping. Each location, `place` ("material" or "oil"), has a column; each of
-    the tunings `shown` has a row of phase planes.
+    of the velocity in the damping force, and each location (`place`) of the damping, "material" or
+    "oil". Each location has a column, each of the tunings `shown` (mesh frequency over natural
+    frequency) a row of phase planes.
     """
     damping_locations = list(dict.fromkeys(study.place.item() for study in studies))
     tunings = studies[0].shown.values
@@ -350,7 +370,8 @@ def draw_nonlinear_damping(studies: list[xr.Dataset]):
 def _draw_extrema(axes, data: xr.Dataset, styles: dict[str, dict]):
     """Draw the displacement extrema of sweeps up (thin) and down (thick, pale) over the tuning.
 
-    `styles` maps each power of the damping force to plot options of its curve.
+    The tuning is the mesh frequency over the natural frequency. `styles` maps each power of the
+    velocity in the damping force to plot options of its curve.
     """
     pale = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.3}
     for direction, options in (("down", pale), ("up", {"linewidth": 0.8})):
@@ -364,7 +385,10 @@ def _draw_extrema(axes, data: xr.Dataset, styles: dict[str, dict]):
 
 
 def _draw_phase_planes(axes, data: xr.Dataset, styles: dict[str, dict]):
-    """Draw the phase plane at one tuning; `styles` has plot options for each damping power."""
+    """Draw the phase plane (velocity over displacement) at one tuning, a curve per damping power.
+
+    `styles` has plot options for each power of the velocity in the damping force.
+    """
     curve_options = {"colour": "power", "styles": styles, "linewidth": 0.8}
     panels.draw_curves(axes, data, "displacement", "velocity", **curve_options)
     style.shade_lost_contact(axes, float(data.backlash_ratio[0]), "x")
