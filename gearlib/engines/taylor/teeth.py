@@ -555,8 +555,9 @@ class Propagator(propagator.Propagator):
     def run_kernel(self, x, v, periods, recorded, tables, first_period):
         """Run from displacement x and velocity v by `run_tooth_pairs`, and return its result.
 
-        `record_periods` there is `recorded` here. `tables` are (samples, events, largest number of
-        events in a period, summary, period maps); the run begins in mesh period `first_period`.
+        `recorded` is the number of the last `periods` that are recorded. `tables` are (samples,
+        events, largest number of events in a period, summary, period maps); the run begins in mesh
+        period `first_period` of the excitation.
         """
         samples, events, max_events, summary, maps = tables
         tables = samples, events, max_events, summary.reshape(1, -1), maps

@@ -317,8 +317,8 @@ class Mesh:
             logarithmic contact.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
             Damping in contact, given by at most one of them; ratio and decrement refer to the two
-            gears alone, without the train around them. Without any, the damping is unknown, and
-            only modes and statics can be computed.
+            gears alone, without the train around them. Without any of them the damping is
+            unknown, and only modes and statics can be computed.
         backlash_damping_ratio : float, default 0
             Damping ratio in free flight.
         model : {"teeth", "rectangle"}, default "teeth"

@@ -316,9 +316,8 @@ def _projected(matrix: np.ndarray, basis: np.ndarray) -> np.ndarray:
 def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     """Return a train with fewer coordinates and the same dynamics up to half the frequency in Hz.
 
-    By the method of Craig and Bampton, modes replace coordinates on which no mesh, load or harmonic
-    force acts (the interior); the others (the boundary) are kept. Correction modes add the
-    quasi-static response of the neglected modes.
+    By the method of Craig and Bampton, modes replace coordinates without mesh, load or harmonic
+    force (the interior). Correction modes add the quasi-static response of the neglected modes.
     """
     matrices = train.matrices
     allowed = "a train made by GearTrain.from_matrices"
@@ -334,8 +333,7 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     highest_square = (math.tau * frequency * _MARGIN) ** 2
     squares, shapes = scipy.linalg.eigh(stiffness[inner], mass[inner])
     interior_modes = shapes[:, squares < highest_square]
-    # Rigid-body motions of the interior make its stiffness singular. This spring acts on them only,
-    # so that the stiffness can be factorised.
+    # This spring resists rigid-body motions of the interior; without it the matrix is singular.
     momentum = mass[inner] @ shapes[:, squares < 1e-6 * highest_square]
     coupled = np.ix_(interior, boundary)
     factor = scipy.linalg.cho_factor(stiffness[inner] + highest_square * (momentum @ momentum.T))

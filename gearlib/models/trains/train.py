@@ -348,7 +348,7 @@ class GearTrain(Model):
 
     @property
     def free_motions(self):
-        """Motions of the train that no spring resists, mass-normalised, shape (n, k)."""
+        """Rigid-body motions, which no spring resists, mass-normalised, shape (n, k)."""
         return self._natural_modes.free_motions
 
     @property
@@ -537,10 +537,10 @@ class GearTrain(Model):
         Returns
         -------
         xarray.Dataset
-            Over `mesh`: mesh_force (N), contact, load_sharing (force over the mean force of the
-            meshes of the same central gear); over `body` and `axis`: body_displacement (m); and
-            status: jammed if both flanks of a mesh touch; its mesh_force is then the sum of both
-            forces.
+            Over `mesh`: mesh_force (N), contact (1 drive side, 0 none, -1 coast side), load_sharing
+            (force over the mean force of the meshes of the same central gear); over `body` and
+            `axis`: body_displacement (m); and status: jammed if both flanks of a mesh touch, where
+            mesh_force is the sum of both forces.
 
         Raises
         ------
