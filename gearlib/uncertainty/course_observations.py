@@ -39,9 +39,12 @@ _RUN_UP_OPTIONS = ("load", "driver", "driven_mass", "base_radius", "initial_stat
 
 
 def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
-    """Return one observation for each condition of a measured data set with time histories.
+    """Return one `Observation` for each condition of a measured data set with time histories.
 
-    `mesh` is the index of the mesh whose displacement was measured.
+    An observation has measured values and a function that predicts them for a model. `data` is a
+    dataset over ``sample`` with displacement, time and speed; a condition is a named part of a
+    measurement. Each has a constant speed, or there is a single run-up. `mesh` is the index of the
+    mesh whose displacement was measured.
     """
     histories = [data]
     if "condition" in data.coords:
@@ -65,7 +68,9 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
 def _speed_course(metadata: dict) -> tuple[list, dict]:
     """Return the speed course of a run-up, rows (s, rpm), and keyword arguments of `run_up`.
 
-    Both are read from `metadata`, the entries of the attribute "known" of a measured data set.
+    Both are read from `metadata`, the JSON object in the attribute "known" of a measured data set,
+    as its entries "course" and "options" (such as load and driver). Raise ValueError if the course
+    is missing or invalid.
     """
     if "course" not in metadata:
         raise ValueError("known.course is missing: a run-up needs its speed course, rows (s, rpm)")
@@ -80,11 +85,12 @@ def _speed_course(metadata: dict) -> tuple[list, dict]:
 
 
 def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarray, float]:
-    """Check a time history; return metadata, displacements, phase factors and mesh periods.
+    """Check a time history; return (metadata, displacements, phase factors, mesh periods).
 
-    The metadata are the JSON object in the attribute "known". The displacements, (n,), have the
-    units of the data. The phase factors, complex (ORDERS,), shift the mesh orders of a model to
-    the mesh phase at the start of the measurement. The mesh periods are counted per revolution.
+    The metadata are the JSON object in the attribute "known" of the dataset `data`. The
+    displacements, (n,), have the units of the data. The phase factors, complex (ORDERS,), shift the
+    mesh orders of a model (Fourier coefficients at multiples of the mesh frequency) to the mesh
+    phase at the start of the measurement. The mesh periods are counted per revolution.
     """
     text = data.attrs.get("known", "{}")
     metadata: Any = None
@@ -106,10 +112,12 @@ def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarra
 
 
 def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
-    """Return the `Channel` of the mesh orders of a measured displacement, an xarray variable.
+    """Return the `Channel` (measured values and their deviations) of the mesh orders of a signal.
 
-    `orders`, complex (blocks, ORDERS), and `variance_ratios`, (blocks,), are results of
-    `regress_mesh_orders` without NaN.
+    `name` is the name of the channel, and `displacement` the measured signal, an xarray variable
+    whose attributes describe the sensor. `orders`, complex (blocks, ORDERS), are the Fourier
+    coefficients of blocks of samples at the first multiples of the mesh frequency.
+    `variance_ratios`, (blocks,), are their variances over the variance of a sample.
     """
     noise = float(displacement.attrs.get("noise_std", 0.0))  # 0: unknown
     # If the noise is unknown, only the relative weights of blocks matter.
@@ -118,6 +126,7 @@ def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
     return Channel(
         name,
         values,
+        # Real and imaginary part each have half of the variance of an order.
         deviations=np.repeat(sample_std * np.sqrt(0.5 * variance_ratios), 2 * ORDERS),
         noise_known=bool(noise),
         unknown_gain=bool(displacement.attrs.get("unknown_gain", 0)),
@@ -132,9 +141,10 @@ def _real_and_imaginary(orders: np.ndarray) -> np.ndarray:
 
 
 def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a time history at constant speed: the mesh orders of its orbit.
+    """Return the `Observation` of a time history at constant speed: the mesh orders of its orbit.
 
-    `data` is a dataset over samples with one speed, `mesh` the index of the measured mesh.
+    Mesh orders are Fourier coefficients at multiples of the mesh frequency. `data` is a dataset
+    over samples with one speed, `mesh` the index of the measured mesh of the model.
     """
     _, displacements, phase_factors, mesh_periods = _checked_history(model, data)
     speed = float(data.speed.values[0])
@@ -171,8 +181,9 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
         return Prediction([_real_and_imaginary(orders * phase_factors)], excursion)
 
     def draw(signals: list) -> list:
-        """Return the curve of the displacement over one mesh period, measured and predicted.
+        """Return a list with the `Curve` of the displacement over a mesh period.
 
+        It has the measured and the predicted displacement, which are sums of the first mesh orders.
         `signals` has one array: the predicted mesh orders, scaled by the gain of the sensor.
         """
         phase = np.linspace(0.0, 1.0, _CURVE_POINTS)  # in mesh periods
@@ -189,9 +200,11 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
 
 
 def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a run-up: the mesh orders of its revolutions, the jump speeds.
+    """Return the `Observation` of a run-up: the mesh orders of its revolutions, the jump speeds.
 
-    `data` is a dataset over samples with a varying speed, `mesh` the index of the measured mesh.
+    Mesh orders are Fourier coefficients at multiples of the mesh frequency; at a jump the first of
+    them changes suddenly. `data` is a dataset over samples with a varying speed, `mesh` the index
+    of the measured mesh of the model.
     """
     metadata, displacements, phase_factors, mesh_periods = _checked_history(model, data)
     course, options = _speed_course(metadata)
@@ -242,9 +255,10 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         return Prediction(values, observation.backlash_excursion(model, extrema))
 
     def draw(signals: list) -> list:
-        """Return the measured and predicted amplitude of each mesh order as curves over speed.
+        """Return the measured and predicted amplitude of each mesh order as `Curve`s over speed.
 
-        `signals` begins with the predicted mesh orders, scaled by the gain of the sensor.
+        `signals` begins with the predicted mesh orders of the compared revolutions, scaled by the
+        gain of the sensor; the curve is NaN at other revolutions.
         """
         fitted = np.full(orders.shape, complex(np.nan))
         fitted[compared] = signals[0].view(complex).reshape(-1, ORDERS)
@@ -270,9 +284,11 @@ def _revolution_orders(rotation, end_time, times, displacements, mesh_periods):
     """Return the mesh orders of each whole revolution, their variance ratios, and a warning.
 
     `rotation` is the `ShaftRotation` of a speed course from 0 to `end_time`, s; `times`, s, and
-    `displacements`, both (n,), are measured; `mesh_periods` is the number per revolution. Mesh
-    orders and variance ratios are results of `regress_mesh_orders` with one block per revolution.
-    The warning tells how many revolutions are left out; it is "" if there are none.
+    `displacements`, both (n,), are measured; `mesh_periods` is the number of mesh periods per
+    revolution. Mesh orders, complex (revolutions, ORDERS), are Fourier coefficients at multiples of
+    the mesh frequency; variance ratios, (revolutions,), are their variances over that of a sample.
+    Both are NaN for revolutions with gaps. The warning tells how many revolutions are left out; it
+    is "" if there are none.
     """
     revolutions = rotation.revolutions(times)
     count = int(revolutions[-1])  # number of whole revolutions
@@ -303,11 +319,13 @@ def _revolution_orders(rotation, end_time, times, displacements, mesh_periods):
 
 
 def _compared_revolutions(orders, variance_ratios):
-    """Return a mask of compared revolutions, amplitudes of the first mesh order, and the jumps.
+    """Return (mask of the compared revolutions, amplitudes of the first mesh order, jumps).
 
-    `orders`, complex (revolutions, ORDERS), and `variance_ratios`, (revolutions,), are NaN for
-    revolutions without enough samples. A jump is given by the index of the first revolution after
-    it. Motions differ most around a jump, so only the speed of a jump is compared.
+    `orders`, complex (revolutions, ORDERS), are the Fourier coefficients of a measured run-up at
+    multiples of the mesh frequency; they and their `variance_ratios`, (revolutions,), are NaN for
+    revolutions without enough samples. At a jump the amplitude changes by more than 15 % from one
+    revolution to the next; it is given by the index of the revolution after it. The first
+    revolutions and those around a jump, where motions differ most, are not compared.
     """
     is_measured = np.isfinite(variance_ratios)
     indices = np.arange(variance_ratios.size)
@@ -332,10 +350,10 @@ def _compared_revolutions(orders, variance_ratios):
 def _jump_speed(predicted, measured, jump, speeds) -> float:
     """Return the speed in rpm at which a model jumps closest to a measured jump, NaN if nowhere.
 
-    `predicted` and `measured` are amplitudes of the first mesh order and `speeds` are speeds in
-    rpm, one for each revolution; `jump` is the index of the first revolution after the measured
-    jump. The model jumps where its amplitude crosses the mean of the measured amplitudes before
-    and after the jump.
+    `predicted` and `measured` are amplitudes at the mesh frequency and `speeds` are speeds in rpm,
+    one of each per revolution of a run-up; `jump` is the index of the first revolution after the
+    measured jump. The model jumps where its amplitude crosses the mean of the measured amplitudes
+    before and after the jump, in the same direction; the speed is interpolated there.
     """
     before = measured[jump - _SKIPPED_BEFORE_JUMP]
     after = measured[min(jump + _SKIPPED_BEFORE_JUMP, len(measured) - 1)]
@@ -356,13 +374,16 @@ def _jump_speed(predicted, measured, jump, speeds) -> float:
 def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarray:
     """Return the complex mesh orders of blocks of a computed motion, (blocks, ORDERS).
 
-    They are Fourier integrals by the trapezoidal rule. `phase`, the mesh phase in rad, increasing,
-    and `displacements` have shape (n,); each block has the length `block_length` in rad.
+    They are the Fourier coefficients of the displacement at the first multiples of the mesh
+    frequency, integrals by the trapezoidal rule. `phase`, the mesh phase in rad, increasing, and
+    `displacements` have shape (n,); each of the `block_count` blocks has the length `block_length`
+    in rad.
     """
     edges = block_length * np.arange(block_count + 1)
     # The last sample is repeated at the last edge if the run ends before it.
     phase = np.append(phase, max(phase[-1], edges[-1]))
     displacements = np.append(displacements, displacements[-1])
+    # Row k is the displacement times exp(-i (k + 1) phase).
     waves = displacements * np.cumprod([np.exp(-1j * phase)] * ORDERS, axis=0)
     starts = np.searchsorted(phase, edges - _SAME_PHASE_TOLERANCE)
     areas = 0.5 * (waves[:, 1:] + waves[:, :-1]) * np.diff(phase)
@@ -370,11 +391,12 @@ def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarr
 
 
 def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, mesh_periods: float) -> np.ndarray:
-    """Return a mask of the blocks of samples without gaps, (blocks,).
+    """Return a mask of the blocks of samples without gaps, shape (blocks,).
 
     `revolutions`, increasing, are the shaft angles of the samples in revolutions; a block extends
     from one of the `edges`, in revolutions, to the next. `mesh_periods` is the number of mesh
-    periods per revolution. A gap exceeds both a mesh period and three median sampling steps.
+    periods per revolution. A gap is a step between samples that exceeds both a mesh period and
+    three times the median step; all blocks that it touches are incomplete.
     """
     steps = np.diff(revolutions)
     complete = np.ones(len(edges) - 1, bool)
@@ -385,13 +407,15 @@ def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, mesh_periods: fl
 
 
 def regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complete=True):
-    """Fit complex mesh orders to blocks of samples, (blocks, ORDERS); return them with variances.
+    """Fit complex mesh orders to blocks of samples; return (orders, variance ratios).
 
-    The samples may lie at any shaft angles `revolutions`, increasing; a block extends from one of
-    the `edges`, in revolutions, to the next. `mesh_periods` is the number of mesh periods per
-    revolution; `complete` is a mask of the blocks to use, or True for all blocks. The variance
-    ratios, (blocks,), are the variance of an order (the sum over real and imaginary part) divided
-    by the variance of a sample. Results are NaN for blocks with too few samples or not `complete`.
+    Orders, (blocks, ORDERS), are Fourier coefficients at the first multiples of the mesh frequency,
+    found by linear regression together with an offset and the first shaft orders. The samples may
+    lie at any shaft angles `revolutions`, increasing; a block extends from one of the `edges`, in
+    revolutions, to the next. `mesh_periods` is the number of mesh periods per revolution;
+    `complete` is a mask of the blocks to use, or True for all. The variance ratios, (blocks,), are
+    the variance of an order (the sum over real and imaginary part) divided by the variance of a
+    sample. Results are NaN for blocks that have too few samples or are not `complete`.
     """
     block_count = len(edges) - 1
     min_density = _MIN_SAMPLES_PER_ORDER * ORDERS
@@ -400,6 +424,7 @@ def regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complet
     is_dense = complete & (density >= min_density)
     lowest = f"{density.min():.3g} samples in a mesh period"
     checks.require(is_dense.any(), "displacement", lowest, f"of {min_density:g} or more")
+    # Higher orders are fitted, too, so that they do not distort the first ones.
     order_count = min(2 * ORDERS, int(density[is_dense].min() / _MIN_SAMPLES_PER_ORDER))
     # Shaft orders cannot be separated from the offset in less than one revolution.
     shaft_order_count = _SHAFT_ORDERS if edges[1] - edges[0] >= 1.0 else 0

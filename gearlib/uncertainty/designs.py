@@ -59,7 +59,11 @@ class ModelSource:
     """
 
     def __init__(self, model: Any):
-        """Collect the parameters of a model that can vary, and their descriptions."""
+        """Collect the parameters of a model that can vary, and their descriptions.
+
+        These are the parameters in its attribute `settable`, and the numeric fields of the model
+        and of its gear pair.
+        """
         self.model = model
         self.value = model.value
         fields = numeric_parameters(PairParameters) if model.pair else {}
@@ -87,10 +91,11 @@ class StageDesign:
     """
 
     def __init__(self, mesh: Any, *, keep_backlash: bool = True, **options: Any):
-        """Take a mesh and options of `GearPair.from_geometry`, such as torque and damping_ratio.
+        """Take a gear stage and options of `GearPair.from_geometry`, such as torque, damping_ratio.
 
-        With `keep_backlash`, a backlash that is not varied keeps the value of the stage; otherwise
-        it follows from the profile shifts, centre distance and allowances of each sample.
+        `mesh` is a `gearlib.geometry.GearStage`. With `keep_backlash`, a backlash that is not
+        varied keeps the value of the stage; otherwise it follows from the profile shifts, centre
+        distance and allowances of each sample.
         """
         self.stage = checks.gear_stage(mesh)
         self.keep_backlash = keep_backlash
@@ -102,7 +107,11 @@ class StageDesign:
         }
 
     def value(self, name: str) -> Any:
-        """Return the nominal value of a parameter such as "load" or "pinion.shift", or None."""
+        """Return the nominal value of a parameter such as "load" or "pinion.shift".
+
+        It is None if the parameter has no value, such as a load or flank deviation that is not
+        given.
+        """
         gear, _, field = name.rpartition(".")
         if gear:
             return getattr(getattr(self.stage, gear), field)
@@ -111,9 +120,10 @@ class StageDesign:
         return getattr(self.stage, field)
 
     def __call__(self, changes: dict) -> Any:
-        """Return the `GearPair` of the changed gears, or a `OneDegreePair` with flank deviations.
+        """Build the model of the gears with changed parameters.
 
-        `changes` maps names of parameters to values in SI units.
+        `changes` maps names of parameters to values in SI units. The model is a `GearPair`, or a
+        `OneDegreePair` if the flanks have deviations.
         """
         stage, options, (cosine, sine) = self._changed_stage(changes)
         # The default mesh stiffness is that of ISO 6336-1.
@@ -124,9 +134,10 @@ class StageDesign:
         return OneDegreePair(pair=pair, deviation=Harmonics((cosine,), (sine,)))
 
     def duty_model(self, changes: dict) -> Any:
-        """Return the `LoadSharingPair` of the changed gears, the model for a duty point.
+        """Build the model of the gears with changed parameters for a duty point (torque and speed).
 
-        `changes` maps names of parameters to values in SI units.
+        `changes` maps names of parameters to values in SI units. The model is a `LoadSharingPair`,
+        in which each pair of teeth in mesh has its own stiffness and deviation.
         """
         stage, options, (cosine, sine) = self._changed_stage(changes)
         if cosine or sine:
@@ -139,10 +150,11 @@ class StageDesign:
         return default_load_sharing_pair(stage, **options)
 
     def _changed_stage(self, changes: dict) -> tuple:
-        """Return the changed `GearStage`, the options of its model, and its flank deviation.
+        """Return (changed `GearStage`, options of its model, flank deviation).
 
-        `changes` maps names of parameters to values in SI units. The deviation is a list of the
-        cosine and the sine coefficient of the first mesh harmonic, m.
+        `changes` maps names of parameters, such as "pinion.shift", to values in SI units. The
+        options are those of `GearPair.from_geometry` with changed load and damping. The deviation
+        is a list of the cosine and the sine coefficient of the first mesh harmonic, m.
         """
         gears: dict = {"pinion": {}, "wheel": {}}
         backlash = self.stage.backlash if self.keep_backlash else None
@@ -166,7 +178,10 @@ class StageDesign:
 
 
 def _changed_gear(gear: Any, changes: dict) -> Any:
-    """Return a `SpurGear` with changed fields; `changes` maps names to values in SI units."""
+    """Return a copy of a `SpurGear` with changed fields.
+
+    `changes` maps names of fields, such as "shift", to values in SI units.
+    """
     # A default tip diameter depends on other fields such as the profile shift, so it is renewed.
     if changes and "tip_diameter" not in changes:
         default = dataclasses.replace(gear, tip_diameter=None).tip_diameter
@@ -178,7 +193,8 @@ def _changed_gear(gear: Any, changes: dict) -> Any:
 def _parameter_text(name: str, parameter: Any) -> str:
     """Return a short description of a parameter with a name such as "shift" or "pinion.shift".
 
-    `parameter` is its declaration, whose text may have further clauses.
+    `parameter` is its declaration; the first clause of its text is used, up to a comma or
+    semicolon. The result is such as "profile shift of the pinion".
     """
     gear, _, field = name.rpartition(".")
     text = parameter.text.split(";")[0].split(",")[0].strip()
@@ -190,7 +206,10 @@ class FunctionSource:
     """Make designs by calling a function that takes parameters by name and returns a model."""
 
     def __init__(self, function: Callable):
-        """Collect the arguments that can be passed by name, and their descriptions."""
+        """Collect the arguments of a function that can be passed by name, and their descriptions.
+
+        Raise ValueError if there are none. Arguments declared with a type and unit are described.
+        """
         self.function = function
         arguments: list = []
         # Some builtin functions have no signature.
@@ -216,7 +235,11 @@ class FunctionSource:
         """Return None, because a function has no nominal values."""
 
     def __call__(self, arguments: dict) -> Any:
-        """Call the function with `arguments`, name -> value, and return its model."""
+        """Call the function with `arguments`, name -> value, and return the model that it returns.
+
+        Raise ValueError if a required argument is missing, or for an arithmetic error in the
+        function.
+        """
         missing = [name for name in self.required if name not in arguments]
         if missing:
             raise ValueError(
@@ -232,9 +255,11 @@ class Designs:
     """Random designs within tolerances: points of a scrambled Sobol' sequence and their models."""
 
     def __init__(self, model: Any, tolerances: Any, seed: int = 0):
-        """Check `model` and `tolerances`, arguments of `gearlib.scatter`; build the nominal model.
+        """Read the tolerances of a model and build the nominal model.
 
-        `seed` is the seed of the scrambling.
+        `model` is a model, a `StageDesign` or a function that returns a model; `tolerances` maps
+        names of parameters to their distributions, as in `gearlib.scatter`. `seed` is the seed of
+        the scrambled Sobol' sequence. Raise ValueError if one of them is invalid.
         """
         allowed = "a model such as GearPair, a StageDesign or a function that returns a model"
         checks.require(is_model(model) or callable(model), "model", model, allowed)
@@ -245,6 +270,7 @@ class Designs:
         self.names = self.tolerances.names
         self.seed = seed
         if is_model(model):
+            # A ratio and the field that it sets must not both vary.
             for name, field in RATIOS.items():
                 if {name, field} <= {*self.names}:
                     raise ValueError(
@@ -254,9 +280,10 @@ class Designs:
         self.nominal = self.model(self.tolerances.centres)
 
     def points(self, start: int, stop: int) -> np.ndarray:
-        """Return the Sobol' points with the indices `start` to `stop` - 1, (n, k + 2).
+        """Return the points `start` to `stop` - 1 of the scrambled Sobol' sequence, (n, k + 2).
 
-        Each has coordinates between 0 and 1 for the k parameters, and two for an initial state.
+        Sobol' points fill the unit cube evenly. Each has coordinates between 0 and 1 for the k
+        parameters, and two for the displacement and velocity of an initial state.
         """
         # Initial states are always included, so that the parameters do not depend on their use.
         engine = qmc.Sobol(len(self.names) + _START_DIMENSIONS, bits=_SOBOL_BITS, rng=self.seed)
@@ -274,7 +301,7 @@ class Designs:
         return self.tolerances.values(points[:, : len(self.names)])
 
     def model(self, values: np.ndarray) -> Any:
-        """Return the model with these values of the parameters, (k,).
+        """Build the model with these values of the k parameters, in SI units.
 
         Raise ValueError if it cannot be built.
         """
@@ -284,9 +311,10 @@ class Designs:
         return model
 
     def duty_model_builder(self, values: np.ndarray) -> Callable | None:
-        """Return a function that builds the duty-point model with these parameters, (k,).
+        """Return a function without arguments that builds the model for a duty point.
 
-        Return None unless the designs are gears given by geometry.
+        A duty point is a torque and speed; `values` are the k parameters in SI units. Return None
+        unless the designs are gears given by geometry, because other models serve both purposes.
         """
         if not isinstance(self.source, StageDesign):
             return None
@@ -299,11 +327,11 @@ class Designs:
 
 
 def count_error_messages(messages: Iterable[str]) -> list[tuple[int, str]]:
-    """Count the error messages of each kind; return (count, example), the most frequent first.
+    """Count similar error messages; return a list of (count, example), the most frequent first.
 
-    Messages of one kind differ only in their numbers; empty messages are ignored.
+    Messages are similar if they differ only in their numbers; empty messages are ignored.
     """
-    kinds: dict = {}
+    kinds: dict = {}  # message with dots in place of numbers -> messages
     for message in messages:
         if message:
             kinds.setdefault(_NUMBER_PATTERN.sub("...", message), []).append(message)
@@ -338,9 +366,10 @@ class DesignQuantities:
     def __init__(self, model, quantities, *, speed: float | None = None, build_duty_model=None):
         """Check the names of the quantities, and compute them for the nominal design `model`.
 
-        `speed` is the speed of the duty point, rpm, None if no quantity needs it.
-        `build_duty_model` is a function that returns the nominal model for the duty point; if it
-        is None, `model` is used.
+        `quantities` are names such as "jump_up" (a speed of the main resonance) or "force" (at the
+        duty point, a torque and speed). `speed` is the speed of the duty point in rpm, None if no
+        quantity needs it. `build_duty_model` is a function without arguments that returns the
+        nominal model for the duty point; if it is None, `model` is used.
         """
         self.quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
         duty_quantities = _DUTY_QUANTITIES & set(self.quantities)
@@ -377,10 +406,12 @@ class DesignQuantities:
         self.nominal, _ = self.evaluate(model, build_duty_model)
 
     def evaluate(self, model: Any, build_duty_model: Callable | None = None) -> tuple:
-        """Return the quantities of a design, (q,), NaN if not found, and their status codes, (q,).
+        """Compute the q quantities of a design; return (values, status codes), each (q,).
 
-        `build_duty_model` is a function that returns its model for the duty point; if it is None,
-        `model` is used.
+        Values are in SI units and speeds in rpm, NaN if a quantity is not found. A code is FOUND,
+        ABSENT (the design does not have the quantity) or LOST (its search failed).
+        `build_duty_model` is a function that returns the model of the design for the duty point
+        (torque and speed); if it is None, `model` is used.
         """
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), ABSENT, np.int8)
@@ -408,9 +439,11 @@ class DesignQuantities:
         return values, codes
 
     def _duty_summary(self, model: Any) -> np.ndarray | None:
-        """Return the summary table of the orbit at the duty point, None if no orbit is found.
+        """Return the summary table of the orbit of a model at the speed of the duty point.
 
-        The table has the extrema of displacement and force, one row for each mesh.
+        The table has the extrema of displacement and force, one row per mesh. The search starts
+        from the orbit of the nominal design, then from a default state. Return None if no orbit is
+        found.
         """
         tuning = float(model.tuning_at(self.speed))
         nominal_orbit = self._nominal_orbit
@@ -427,7 +460,11 @@ class DesignQuantities:
 
 
 def _check_resonance_quantities(model: Any, quantities: set) -> None:
-    """Raise ValueError unless a model has the named quantities of the main resonance."""
+    """Raise ValueError unless a model has the named quantities of the main resonance.
+
+    These are speeds of jumps and of the onset of contact loss, which need rotating gears, and the
+    resonance peaks, which need one degree of freedom.
+    """
     kind = type(model).__name__
     if model.speed is None:
         raise ValueError(f"model = {kind} is not allowed: it has no rotational speed")
@@ -447,16 +484,19 @@ def _check_resonance_quantities(model: Any, quantities: set) -> None:
 
 
 def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
-    """Return the quantity `name` at the duty point for the worst mesh, SI units.
+    """Return a quantity of the orbit at the duty point (torque and speed) in SI units.
 
-    `summary` is the table of `_duty_summary`, or None; the value is then NaN. `period` is the
-    period of the orbit in mesh periods.
+    `name` is its name, such as "force" or "contact_margin". `summary` has the extrema of
+    displacement and force on the orbit, one row per mesh; if it is None, no orbit was found and
+    the value is NaN. `period` is the period of the orbit in mesh periods. Of several meshes the
+    worst one counts: the smallest margin or share, the largest force.
     """
     if summary is None:
         return math.nan
     table = np.atleast_2d(summary)
     if name in _SHARING_QUANTITIES:
         phase_span = 2.0 * math.pi * period
+        # A train has the load sharing of each mesh over the orbit.
         variables = model.extra_summary_variables(dims=(), summaries=summary, span=phase_span)
         _, values = variables["load_sharing"]
     elif name == "contact_margin":
@@ -476,19 +516,20 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
 
 
 def quantity_evaluator(designs: Any, quantities: Any, speed: float | None) -> DesignQuantities:
-    """Return a `DesignQuantities` for these `Designs`.
+    """Return a `DesignQuantities`, which computes quantities of designs, for some `Designs`.
 
-    `quantities` are names of `QUANTITIES`; `speed` is the speed of the duty point, rpm, or None.
+    `quantities` are names such as "jump_up"; `speed` is the speed of the duty point in rpm, or None
+    if none of the quantities needs it.
     """
     builder = designs.duty_model_builder(designs.tolerances.centres)
     return DesignQuantities(designs.nominal, quantities, speed=speed, build_duty_model=builder)
 
 
 def checked_names(key: str, names: Any, allowed: tuple) -> tuple:
-    """Return the names that an argument has, as a tuple; raise ValueError unless they are valid.
+    """Check an argument that is a sequence of names, and return them as a tuple.
 
-    `key` is the name of the argument in messages. Each name must be one of `allowed` and must not
-    be repeated.
+    `key` is the name of the argument in messages. Raise ValueError unless each name is one of
+    `allowed` and occurs once. A single string is not a sequence of names.
     """
     names_allowed = f"a sequence of {', '.join(map(repr, allowed))}"
     checks.require(not isinstance(names, str), key, names, names_allowed)

@@ -32,9 +32,11 @@ class Tolerances:
     """Joint distribution of all parameters that scatter; correlations are a Gaussian copula."""
 
     def __init__(self, marginals: dict, correlations: Sequence = ()):
-        """Take a `Marginal` for each name, and correlations as rows (name, name, coefficient).
+        """Take a `Marginal` (distribution) for each name, and correlations of pairs of parameters.
 
-        The coefficients are correlations of the normal scores of the copula.
+        `correlations` has rows (name, name, coefficient). The coefficients are correlations of
+        normally distributed variables, which are transformed to the distributions (Gaussian
+        copula). Raise ValueError if their matrix is not positive definite.
         """
         self.marginals = marginals
         self.names = tuple(marginals)
@@ -58,7 +60,11 @@ class Tolerances:
         return np.array([marginal.centre for marginal in self.marginals.values()])
 
     def values(self, points: np.ndarray) -> np.ndarray:
-        """Return the parameters, (n, k), that belong to points of the open unit cube, (n, k)."""
+        """Transform points of the open unit cube, (n, k), to values of the k parameters, (n, k).
+
+        The coordinates of a point are probabilities: after correlation by a Gaussian copula, each
+        is inserted in the quantile function of the parameter.
+        """
         points = np.asarray(points, float)
         if self.correlations:
             normal_scores = special.ndtri(points)
@@ -77,9 +83,11 @@ _Correlation = Annotated[float, Gt(-1), Lt(1), Unit("1")]
 def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Tolerances:
     """Read the tolerances of parameters as a joint distribution, or raise ValueError.
 
-    `tolerances` is a mapping as in `gearlib.scatter`. `allowed_parameters` maps names of parameters
-    to their declarations or None; `value_of` is a function that returns the nominal value of a
-    parameter by its name, or None. Messages call a parameter ``tolerances.<name>``.
+    `tolerances` maps names of parameters to ``{mean, std}``, ``{min, max}``, ``{nominal, upper,
+    lower}`` or ``{distribution, ...}``, and "correlations" to rows (name, name, coefficient).
+    `allowed_parameters` maps names of parameters to declarations of their range, or to None;
+    `value_of` is a function that returns the nominal value of a parameter by its name, or None.
+    Messages call a parameter ``tolerances.<name>``.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         allowed = f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
@@ -104,6 +112,7 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Toleranc
     correlations: dict = {}
     rows = checks.sequence(f"tolerances.{CORRELATIONS}", tolerances.get(CORRELATIONS, ()))
     for i, row in enumerate(rows):
+        # A pair of parameters may have one correlation only, in either order of the names.
         key = f"tolerances.{CORRELATIONS}[{i}]"
         first, second, coefficient = checks.sequence(key, row, 3)
         for name in (first, second):
@@ -117,10 +126,11 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Toleranc
 
 
 def _named_distribution(key: str, tolerance: Any) -> Marginal:
-    """Return the distribution of `scipy.stats` that a tolerance names.
+    """Return the distribution of `scipy.stats` that a tolerance names, as a `Marginal`.
 
-    `tolerance` maps "distribution" to its name and each of its parameters to a number; `key` is the
-    name of the tolerance in messages.
+    `tolerance` maps "distribution" to its name, such as "lognorm", and each of its parameters to a
+    number; `key` is the name of the tolerance in messages. The nominal value is the median. Raise
+    ValueError for an unknown name, wrong parameters, or an infinite mean or standard deviation.
     """
     name = tolerance["distribution"]
     family: Any = getattr(stats, name, None) if isinstance(name, str) else None

@@ -82,7 +82,7 @@ class Fit:
     _observations: list
 
     def __str__(self):
-        """Return the report of the fit as a text."""
+        """Return a report of the fit: its statistics, parameters, correlations and messages."""
         lines = [
             "[[Fit Statistics]]",
             f"    # data points      = {self.ndata}",
@@ -123,7 +123,11 @@ class Fit:
         return curves
 
     def dataset(self):
-        """Return the fit as a dataset over its parameters, in their SI units."""
+        """Return the fit as a dataset over its parameters, in their SI units.
+
+        It has the fitted and initial values, standard errors, 95 % confidence intervals, ranges,
+        correlations, and the statistics of the fit.
+        """
         parameters = self.params.values()
         names = list(self.params)
         intervals = np.array([p.interval for p in parameters]).reshape(-1, 2)
@@ -182,7 +186,10 @@ class Problem(NamedTuple):
         return self.model.with_values(dict(zip(self.names, map(float, values), strict=True)))
 
     def residuals(self, scaled_values: np.ndarray) -> np.ndarray | None:
-        """Return the weighted residuals for scaled parameters, (k,), None if a run fails."""
+        """Return the weighted residuals of all observations, (n,), or None if a run fails.
+
+        `scaled_values`, (k,), are the free parameters, scaled to 0 ... 1 in their ranges.
+        """
         model = self.model_at(scaled_values)
         blocks = []
         for observation in self.observations:
@@ -238,7 +245,12 @@ def fit(model, data, free):
 
 
 def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.ndarray]:
-    """Check the arguments of `fit`; return its `Problem` and the start, scaled parameters (k,)."""
+    """Check the arguments of `fit`; return the least-squares `Problem` and its initial guess.
+
+    `free` maps names of parameters to (lower, upper) limits in SI units. The guess, (k,), has the
+    values of the model, scaled to 0 ... 1 in these limits. Raise ValueError if an argument is
+    invalid or there are fewer data than parameters.
+    """
     checks.require(is_model(model), "model", model, "a model such as GearPair")
     if model.speed is None:
         kind = type(model).__name__
@@ -273,8 +285,10 @@ def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.nd
 
 
 def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
-    """Solve a problem from a start, scaled parameters (k,), and weight channels by their residuals.
+    """Solve a least-squares problem, with weights from the residuals where the noise is unknown.
 
+    `start` is the initial guess of the k free parameters, scaled to 0 ... 1 in their ranges. The
+    data of a sensor of unknown noise get a weight from the residuals of the previous solution.
     Return the problem with its final weights, and the result of `scipy.optimize.least_squares`.
     """
     optimum = _least_squares(problem, start)
@@ -295,9 +309,10 @@ def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
 def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
     """Return a weight for each residual, (n,), or None if all residuals may have the same weight.
 
-    A group is a channel with the channels that share its weight. The weight is 1 / RMS of the
-    group's residuals if its noise is unknown and it has many residuals, else 1. `residuals`, (n,),
-    have the present weights of the problem.
+    A channel has the measured values of one sensor; a group is a channel with the channels that
+    share its weight. If the noise of a group is unknown and it has many residuals, its weight is
+    1 / (root mean square of these), otherwise 1. `residuals`, (n,), have the present weights of
+    the problem.
     """
     channels = problem.channels
     groups = np.cumsum([not channel.shares_weight for channel in channels])
@@ -317,8 +332,9 @@ def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
 
 
 def _least_squares(problem: Problem, start: np.ndarray) -> Any:
-    """Minimise the weighted residuals of a problem from a start, scaled parameters (k,).
+    """Minimise the sum of squares of the weighted residuals of a problem.
 
+    `start` is the initial guess of the k free parameters, scaled to 0 ... 1 in their ranges.
     Return the result of `scipy.optimize.least_squares`.
     """
 
@@ -328,7 +344,10 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
         return np.full(problem.size, _FAILED_RESIDUAL) if values is None else values
 
     def jacobian(scaled_values):
-        """Return one-sided difference quotients of the residuals, (n, k)."""
+        """Return one-sided difference quotients of the residuals, (n, k).
+
+        Columns are zero for parameters without effect on the residuals, or if a run fails.
+        """
         quotients = np.zeros((problem.size, start.size))
         old_residuals = residuals(scaled_values)
         for i, value in enumerate(scaled_values):
@@ -342,7 +361,10 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
         return quotients
 
     def solve(start, **settings):
-        """Call scipy's solver, whose start must lie inside the limits, with further settings."""
+        """Call `scipy.optimize.least_squares` from `start`, with `settings` as keyword arguments.
+
+        The solver needs a start inside the limits 0 and 1.
+        """
         start = np.clip(start, 1e-6, 1.0 - 1e-6)
         settings = {"jac": jacobian, "bounds": (0.0, 1.0), "x_scale": 0.1, **settings}
         return least_squares(residuals, start, **settings)
@@ -366,16 +388,21 @@ def _with_value(scaled_values: np.ndarray, i: int, value: float) -> np.ndarray:
 
 
 def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Extrapolate the Jacobian of the residuals at an optimum of scipy, and estimate its errors.
+    """Return an accurate Jacobian matrix of the residuals at the optimum, and its errors.
 
-    Both have the shape (residuals, parameters); parameters are scaled.
+    Difference quotients are extrapolated to step 0. `optimum` is the result of
+    `scipy.optimize.least_squares`. Jacobian and errors have the shape (residuals, parameters);
+    parameters are scaled to 0 ... 1 in their ranges.
     """
     jacobian = np.array(optimum.jac)
     errors = np.zeros(optimum.jac.shape)
     for i, best_value in enumerate(optimum.x):
 
         def residuals(value, i=i, best_value=best_value):
-            """Return the residuals with a value of parameter i, None if its step is too small."""
+            """Return the residuals with a value of parameter i, None if its step is too small.
+
+            Runs that settle to a finite accuracy have no meaningful difference over a tiny step.
+            """
             if value != best_value and abs(value - best_value) < _MIN_OPTIMUM_STEP:
                 return None
             return problem.residuals(_with_value(optimum.x, i, value))
@@ -389,8 +416,8 @@ def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, 
 def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.ndarray) -> Fit:
     """Return the `Fit` at an optimum, a result of `scipy.optimize.least_squares`.
 
-    `jacobian` and the `errors` of its elements, (residuals, scaled parameters), are results of
-    `_extrapolated_jacobian`.
+    `jacobian` and the `errors` of its elements have the shape (residuals, parameters scaled to
+    0 ... 1). Confidence intervals follow from the linearised model, for identifiable parameters.
     """
     residuals = optimum.fun
     model = problem.model_at(optimum.x)
@@ -446,8 +473,10 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
 def _parameter_messages(problem, model, params, directions) -> list[str]:
     """Return messages about the parameters of a fitted model that the data do not determine.
 
-    `params` maps names to `Parameter`; `directions`, (m, k), are unit vectors of scaled parameters
-    along which the residuals do not change.
+    `problem` is the least-squares `Problem`, and `params` maps names to fitted `Parameter`s.
+    `directions`, (m, k), are unit vectors in the space of the k scaled parameters along which the
+    residuals do not change. For an undetermined backlash, the largest displacement into it in the
+    motions of the model is a lower bound.
     """
     messages = []
     for i, (name, parameter) in enumerate(params.items()):
@@ -485,7 +514,9 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
 def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count: int) -> list[str]:
     """Return messages about data that the fitted model does not describe.
 
-    `residuals`, (n,), are weighted; `free_count` is the number of identifiable parameters.
+    Data of known noise must pass a chi-square test; of other data the model must explain half of
+    the variance; and residuals must not be correlated. `residuals`, (n,), are the weighted
+    residuals of the `problem`, and `free_count` is the number of identifiable parameters.
     """
     messages = []
     channels = problem.channels
@@ -526,11 +557,11 @@ def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count:
 
 
 def residual_correlation_messages(channels: list, residuals: np.ndarray) -> list[str]:
-    """Return messages about channels whose residuals change sign too rarely.
+    """Return messages about sensors whose residuals change sign too rarely to be random.
 
-    `residuals`, (n,), has the unweighted residuals of all channels in their order. Successive
-    independent residuals differ in sign with a probability of one half (Geary, Biometrika 57
-    (1970) 123-127).
+    `channels` are `Channel`s, the measured values of one sensor each; `residuals`, (n,), has the
+    unweighted residuals of all of them, one channel after the other. Successive independent
+    residuals differ in sign with a probability of one half (Geary, Biometrika 57 (1970) 123-127).
     """
     ends = np.cumsum([channel.values.size for channel in channels])[:-1]
     sequences: dict = {}
@@ -539,6 +570,7 @@ def residual_correlation_messages(channels: list, residuals: np.ndarray) -> list
             sequences.setdefault(channel.name, []).append(values[channel.sequence_indices])
     messages = []
     for name, blocks in sequences.items():
+        # Sign changes and pairs of successive residuals in all sequences of this channel.
         changes = steps = 0
         for sequence in np.concatenate(blocks, axis=1):
             is_positive = sequence[np.abs(sequence) > _MIN_SIGNED_RESIDUAL] > 0.0

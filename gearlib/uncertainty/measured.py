@@ -78,7 +78,10 @@ def read_measured(path):
 
 
 def read_errors(paths):
-    """Return the error messages of the measured data sets, YAML files, that are invalid."""
+    """Return the error messages of those measured data sets that are invalid.
+
+    `paths` are the paths of their YAML files; each is read by `read_measured`.
+    """
     messages = []
     for path in paths:
         try:
@@ -91,8 +94,9 @@ def read_errors(paths):
 def _json_value(name: str, value: Any) -> Any:
     """Convert an entry of the metadata of a test rig, and the entries in it, to JSON values.
 
-    `name` is the path of its keys, as in "options.load". If it is a parameter of a gear pair, a
-    text such as "80 um" is converted to a number in SI units.
+    `name` is the path of its keys, as in "options.load", and `value` is what the YAML file states.
+    If `name` is a parameter of a gear pair, a string such as "80 um" is converted to a number in SI
+    units. Raise ValueError for NaN, or for a unit of another dimension.
     """
     if isinstance(value, dict):
         return {key: _json_value(f"{name}.{key}", entry) for key, entry in value.items()}
@@ -112,9 +116,11 @@ def _json_value(name: str, value: Any) -> Any:
 
 
 def _table_dataset(description, path: Path) -> xr.Dataset:
-    """Read the table of a measured data set, the file `path`, as a dataset in SI units.
+    """Read the table of a measured data set, a CSV or universal file, as a dataset in SI units.
 
-    `description` is the content of its YAML file.
+    `description` is the content of the YAML file of the data set, which describes the channels, and
+    `path` the path of the table. Raise ValueError if the file is missing, empty or has another
+    checksum than stated, or if its columns are invalid.
     """
     checks.require(path.is_file(), "data", description.data, "a file beside its YAML")
     checks.require(path.stat().st_size, "data", description.data, "a file with rows: it is empty")
@@ -152,9 +158,10 @@ def _table_dataset(description, path: Path) -> xr.Dataset:
 def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dataset) -> xr.Dataset:
     """Return the dataset `data` with the columns of a table as variables in SI units.
 
-    `columns` maps names of columns to arrays over samples in the units of the table; `std_columns`
-    has the standard deviations of columns of a long table, NaN if not given, and is empty for a
-    wide table. `description` is the content of the YAML file.
+    `description` is the content of the YAML file, with the channels (name, unit and sensor of each
+    column). `columns` maps names of columns to arrays over samples in the units of the table. A
+    long table has one row per measurement; `std_columns` then has the standard deviations of its
+    quantities, NaN if not given. For a wide table, with one column per channel, it is empty.
     """
     channels = description.channels.items()
     column_names = {channel.observableId or key: key for key, channel in channels if key in columns}
@@ -192,8 +199,10 @@ def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dat
 def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any, list[str]]:
     """Return an index that sorts samples by time in each condition, and notes on this repair.
 
-    `column_names` maps variables to columns of the table, `coords` maps coordinates to arrays over
-    samples. The index is an array, or a slice if the samples are already sorted.
+    A condition is a named part of a measurement, such as one operating point. `description` is the
+    content of the YAML file, `column_names` maps variables to columns of the table, and `coords`
+    maps coordinates such as "time" to arrays over samples. The index is an array, or a slice if the
+    samples are already sorted. Raise ValueError if a time occurs twice in a condition.
     """
     if "time" not in coords:
         return slice(None), []
@@ -226,8 +235,10 @@ def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any
 def _variables(channel: Any, name: str, key: str, values: np.ndarray, stds: Any) -> dict:
     """Return the variable of a channel and, if its noise varies, the variable of the noise.
 
-    `name` is the name of the variable, `key` the name of its column. `values`, (n,), and `stds`,
-    their standard deviations, NaN or None if not given, have the unit of the channel.
+    `channel` describes a column of the table: its unit and sensor. `name` is the name of the
+    variable, `key` the name of its column. `values`, (n,), and their standard deviations `stds`,
+    NaN or None if not given, have the unit of the channel. The result maps names to (dimension,
+    values in SI units, attributes).
     """
     factor, units = channel.scale(key)  # to SI units
     attrs = {
@@ -251,10 +262,13 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, stds: Any)
 
 
 def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[dict, str]:
-    """Return time, speed, direction and condition of the samples, and their earliest date.
+    """Return (coordinates, earliest date) of the samples of a measured table.
 
-    The coordinates that are known are returned as name -> array, in SI units; the date is "" if the
-    times are not dates. `column_names` maps coordinates to the names of their `columns`.
+    The coordinates are those of time, speed, direction (1 up, -1 down, 0 from rest) and condition
+    (named part of the measurement) that are known, as name -> array in SI units; speed and
+    direction may also follow from the condition. The date is "" if the times are not dates.
+    `description` is the content of the YAML file; `column_names` maps coordinates to the names of
+    their `columns`.
     """
     coords: dict = {}
     start = ""

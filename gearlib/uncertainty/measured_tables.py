@@ -34,9 +34,10 @@ _NO_UNITS = ("", "NONE", "UNKNOWN", "EU")
 
 
 def _header(file: TextIO, description: Any) -> list[str]:
-    """Read a CSV up to the line with the names of its columns, and return the names.
+    """Read a CSV file up to the line with the names of its columns, and return the names.
 
-    `description` is the content of the YAML file of the data set.
+    `description` is the content of the YAML file of the data set: number of lines to skip, column
+    separator and comment sign. Raise ValueError if there is no such line.
     """
     for line in islice(file, description.skip, None):
         line = line.split(description.comment)[0] if description.comment else line
@@ -49,7 +50,9 @@ def _header(file: TextIO, description: Any) -> list[str]:
 def _required_columns(names: list[str], description: Any) -> list[str]:
     """Return the names of the columns to read; raise ValueError if one is missing or repeated.
 
-    `names` are the columns of the CSV, `description` is the content of its YAML file.
+    `names` are the columns of the CSV file, and `description` is the content of the YAML file of
+    the data set. A wide table has a column for each of its channels, a long table those of PEtab
+    with one row per measurement.
     """
     required = list(description.channels)
     if set(LONG_COLUMNS) <= {*names}:
@@ -79,9 +82,10 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
 
 
 def _missing(name: str, description: Any, names: list, hint: str = "") -> ValueError:
-    """Return the error for a column, channel or observable that is not among the `names`.
+    """Return the ValueError for a column, channel or observable that a data file does not have.
 
-    `name` is its kind and name, such as "the column 'time'"; `hint` ends the message.
+    `name` is its kind and name, such as "the column 'time'", `names` are those in the file, and
+    `description` is the content of the YAML file. The string `hint` ends the message.
     """
     first_names = ", ".join(map(repr, names[:12]))
     return ValueError(
@@ -90,10 +94,11 @@ def _missing(name: str, description: Any, names: list, hint: str = "") -> ValueE
 
 
 def _data_frame(rows: str, description: Any, dtypes: dict, column_count: int) -> Any:
-    """Parse the rows of a CSV, a text without header, into a data frame with integer column names.
+    """Parse the rows of a CSV file into a pandas data frame whose column names are indices.
 
-    `dtypes` maps indices of the columns to read to their types. A further column, with the index
-    `column_count`, holds surplus cells of rows that are too long.
+    `rows` is the content without the header, and `description` has its separator, decimal sign and
+    comment sign. `dtypes` maps indices of the columns to read to their types. A further column,
+    with the index `column_count`, has surplus cells of rows that are too long.
     """
     import pandas as pd
 
@@ -119,10 +124,11 @@ def _data_frame(rows: str, description: Any, dtypes: dict, column_count: int) ->
 
 
 def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, list]:
-    """Read the required columns of a CSV; return them, name -> values, and all column names.
+    """Read the required columns of a CSV file; return (columns, names of all columns).
 
-    Values are arrays of numbers, or pandas categories for the names in `text_columns`.
-    `description` is the content of the YAML file of the data set.
+    `description` is the content of the YAML file of the data set, with the channels and the format
+    of the file. The columns map names to arrays of numbers, or to pandas categories for the names
+    in `text_columns`. Raise ValueError if a column is missing or a cell is not a number.
     """
     # UTF-8 may begin with a byte order mark.
     encoding = "utf-8-sig" if description.encoding == "utf-8" else description.encoding
@@ -156,9 +162,11 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
 
 
 def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) -> ValueError:
-    """Return the error that names the first cell of a CSV that should be a number and is not.
+    """Return the ValueError for the first cell of a CSV file that should be a number and is not.
 
-    `rows`, `description` and `dtypes` are arguments of `_data_frame`; `names` are the columns.
+    `rows` is the content without the header, `description` that of the YAML file, with separator
+    and decimal sign. `dtypes` maps indices of the columns that are read to their types, and `names`
+    are the names of all columns. The cells are read again as strings to find the wrong one.
     """
     import pandas as pd
 
@@ -252,13 +260,17 @@ def read_uff(path: Path, description: Any) -> dict:
 
 
 def _check_axis_unit(channel: Any, key: str, where: str, label: str) -> None:
-    """Raise ValueError if the `label` of an axis in a set 58 states another unit than the channel.
+    """Raise ValueError if the label of an axis states another unit than its channel.
 
-    `key` is the name of the channel, and `where` describes the set in messages.
+    `label` is the unit in a dataset of type 58 (samples over time) of a universal file. `channel`
+    is the description of the channel in the YAML file, `key` its name, and `where` describes the
+    dataset in messages. Channels without calibration, in counts or of unknown gain, are not
+    checked.
     """
     if channel.unit == COUNTS or channel.gain == "unknown" or label.upper() in _NO_UNITS:
         return
     factor, cf_unit = channel.scale(key)
+    # The axis may spell the unit in upper case; both spellings are tried.
     for unit in _written_units(label):
         try:
             axis_factor, axis_unit = channel.model_copy(update={"unit": unit}).scale(key)
@@ -272,9 +284,9 @@ def _check_axis_unit(channel: Any, key: str, where: str, label: str) -> None:
 
 
 def _written_units(label: str) -> tuple[str, str]:
-    """Return the unit of an axis label such as (m/s²), M/S2 or 1/min in the syntax of `Channel`.
+    """Convert the unit of an axis label to the syntax of `gearlib.units`, such as m/s^2.
 
-    The second spelling is in lower case.
+    Labels are such as (m/s²), M/S2 or 1/min. Return the unit as it is spelt and in lower case.
     """
     # pyuff reads µ and ² in encodings other than UTF-8 as U+FFFD.
     unit = re.sub(r"(?<!\w)\ufffd(?=\w)", "u", label.strip(" ()[]"))
@@ -285,12 +297,12 @@ def _written_units(label: str) -> tuple[str, str]:
 
 
 def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
-    """Convert a long table to columns over samples; return them with their noise and jump speeds.
+    """Convert a long table to columns over samples; return (columns, deviations, jump speeds).
 
-    `columns` are the columns of the table, one row for each measurement. Measurements at the same
-    condition, time and speed form one sample, in which observables that were not measured are NaN.
-    Return the columns, name -> array, the standard deviations, name -> array, both in the units of
-    the table, and a dataset of scalar speeds in min-1.
+    `columns` are those of the table, one row per measurement. Measurements at the same condition,
+    time and speed form one sample, NaN for quantities that were not measured. The new columns and
+    their standard deviations map names to arrays in the units of the table; speeds of jumps are a
+    dataset of scalars in min-1. `description` is the content of the YAML file.
     """
     where = f"{description.data}, column "
     codes = category_codes(f"{where}{ID_COLUMN!r}", columns[ID_COLUMN])
@@ -343,10 +355,12 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
 
 
 def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
-    """Return the index of the sample of each measurement, (n,), and the first row of each sample.
+    """Return (index of the sample of each measurement, (n,), first row of each sample).
 
-    Measurements with equal `coordinates`, name -> column, form one sample. `codes`, (n,), are
-    indices of the measured quantities in `observables`; `where` begins messages.
+    Measurements, the rows of a long table, with equal `coordinates` (name -> column, such as time)
+    form one sample. `codes`, (n,), are indices of the measured quantities in the list
+    `observables`; `where` begins messages. Raise ValueError if a quantity is measured twice at the
+    same time.
     """
     import pandas as pd
 
@@ -372,8 +386,8 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
 def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
     """Raise ValueError unless all numbers of a column are finite.
 
-    NaN is allowed with `gaps`, infinity (the time of a steady state) with `steady`; `where` names
-    the column in messages.
+    `where` names the column in messages. With `gaps`, True or a mask, NaN (not measured) is
+    allowed; with `steady`, infinity is allowed, the time of a steady state.
     """
     is_wrong = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(steady & (values == np.inf))
     if is_wrong.any():
@@ -388,9 +402,10 @@ def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool
 
 
 def category_codes(where: str, column: Any) -> np.ndarray:
-    """Return the category codes of a column of strings; raise ValueError if a cell is empty.
+    """Return the category codes of a column of strings, indices of its different strings.
 
-    `where` names the column in messages.
+    `column` is a pandas categorical array, and `where` names it in messages. Raise ValueError if a
+    cell is empty, code -1.
     """
     codes = np.asarray(column.codes)
     if (codes < 0).any():
@@ -400,9 +415,10 @@ def category_codes(where: str, column: Any) -> np.ndarray:
 
 
 def seconds_since_first(where: str, column: Any) -> tuple[np.ndarray, str]:
-    """Convert a column of dates to seconds since the earliest one; return this date in ISO 8601.
+    """Convert a column of dates to seconds since the earliest date; return (seconds, this date).
 
-    `where` names the column in messages.
+    `column` is a pandas categorical array of strings in the format ISO 8601, as is the returned
+    date; `where` names the column in messages. Raise ValueError if a string is not a date.
     """
     import pandas as pd
 

@@ -70,10 +70,11 @@ class Channel(NamedTuple):
         return self.unknown_gain + self.unknown_offset
 
     def signal_and_gain(self, predicted: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the sensor signal, (n,), for predicted values, (n,), and the gain of the sensor.
+        """Return (sensor signal, (n,), gain of the sensor) for predicted physical values, (n,).
 
-        An unknown gain and offset are fitted to the measured values by linear least squares
-        (variable projection, Golub and Pereyra 1973).
+        The signal is gain times value plus offset. An unknown gain or offset is fitted to the
+        measured values by linear least squares (variable projection, Golub and Pereyra 1973); known
+        ones are 1 and 0.
         """
         columns = []
         if self.unknown_gain:
@@ -84,6 +85,7 @@ class Channel(NamedTuple):
             return predicted, 1.0
         known_part = 0.0 if self.unknown_gain else predicted
         matrix = np.stack(columns, axis=1) / self.deviations[:, None]
+        # Columns of equal norm make the least-squares problem well-conditioned.
         norms = np.linalg.norm(matrix, axis=0)
         norms[norms == 0.0] = 1.0
         target = (self.values - known_part) / self.deviations
@@ -109,7 +111,11 @@ class Observation(NamedTuple):
     warning: str = ""
 
     def predicted_signals(self, model: Any) -> list | None:
-        """Return the predicted sensor signal of each channel, None if a run of the model fails."""
+        """Return the predicted sensor signal of each channel (sensor), None if a run fails.
+
+        `model` predicts the measured quantities; unknown gains and offsets of the sensors are
+        fitted to the measured values.
+        """
         try:
             prediction = self.predict(model)
         except (NoOrbit, ContinuationFailed, ArithmeticError, ValueError):
@@ -118,9 +124,10 @@ class Observation(NamedTuple):
         return [channel.signal_and_gain(values)[0] for channel, values in channel_values]
 
     def residuals(self, model: Any) -> np.ndarray | None:
-        """Return the residuals of all channels, (n,), None if a run of the model fails.
+        """Return the residuals of all channels (sensors), (n,), None if a run of the model fails.
 
-        A residual is (predicted - measured) / standard deviation.
+        A residual is (predicted - measured value) / standard deviation. It is 100 for the speed of
+        a jump that the model does not have.
         """
         signals = self.predicted_signals(model)
         if signals is None:
@@ -155,9 +162,11 @@ class MeasuredSpeed(NamedTuple):
 def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: int = 1) -> dict:
     """Return the quantities of the periodic orbit at a speed in rpm, name -> values of each mesh.
 
-    The search starts from the state `guess`; `samples_per_period` are samples of a mesh period.
-    Quantities have SI units. "order_amplitude" holds the complex Fourier coefficients of the
-    displacements in m, (orders, meshes), from order 0 on; their moduli are half the amplitudes.
+    Quantities, in SI units, are extrema of displacement and force, fractions of contact time, and
+    others. "order_amplitude" has the complex Fourier coefficients of the displacements in m at
+    multiples of the mesh frequency, (orders, meshes), from order 0 on; their moduli are half the
+    amplitudes. `guess` is the initial state for the search of the orbit; `samples_per_period` is
+    the number of samples of a mesh period. Raise `NoOrbit` if the search or the run fails.
     """
     orbit = periodic_orbit(model, speed / float(model.speed(1.0)), guess=guess)
     periods = orbit.period  # number of mesh periods
@@ -174,6 +183,7 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: i
         name: np.atleast_1d(values) * scales.get(column_scales.get(name, ""), 1.0)
         for name, (_, values) in variables.items()
     }
+    # Each mesh has a group of columns in the table of samples; take the displacement of each.
     end = max(len(model.mesh_names), 1) * orbit_columns.SAMPLE_COLUMNS
     columns = slice(orbit_columns.SAMPLE_X, end, orbit_columns.SAMPLE_COLUMNS)
     displacements = record.samples[:, columns] * model.static_deflection
@@ -182,12 +192,15 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: i
 
 
 def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
-    """Return a quantity such as "order_amplitude_2" of one mesh, SI units.
+    """Return a quantity such as "displacement_max" or "order_amplitude_2" of one mesh, SI units.
 
-    `quantities` is a result of `orbit_quantities`; `mesh` is the index of the mesh.
+    `quantities` maps names to the values of each mesh on an orbit, as `orbit_quantities` returns
+    them; `mesh` is the index of the mesh. An order amplitude is that of the displacement at a
+    multiple of the mesh frequency.
     """
     kind, _, number = name.rpartition("_")
     if kind == ORDER_AMPLITUDE:
+        # A real amplitude is twice the modulus of the complex coefficient.
         return 2.0 * abs(quantities[ORDER_AMPLITUDE][int(number), mesh])
     return float(quantities[name][mesh])
 
@@ -195,8 +208,10 @@ def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
 def resonance_speeds(model: Any, measured: dict) -> dict:
     """Return the jump speeds and the onset of contact loss of a model, name -> speed in rpm.
 
-    `measured` maps the names of the speeds to compute to their measured values in rpm. Speeds that
-    the model does not have are left out.
+    At a jump the motion changes suddenly to another orbit while the speed increases or decreases.
+    `measured` maps the names of the speeds to compute ("jump_up", "jump_down",
+    "onset_of_contact_loss") to their measured values in rpm. Speeds that the model does not have
+    are left out.
     """
     # A model with one coordinate and an excitation that repeats every mesh period has a main
     # resonance. The jumps of other models are folds of their branch of orbits.
@@ -219,8 +234,9 @@ def resonance_speeds(model: Any, measured: dict) -> dict:
 def fold_speeds(model: Any, measured: dict) -> dict:
     """Return the speeds in rpm of the folds of a model that are closest to measured jumps.
 
-    `measured` maps "jump_up" and "jump_down" to speeds in rpm; the result has the same keys, but
-    for jumps that the model does not have.
+    At a fold, a turning point of the branch of periodic orbits over the speed, the motion jumps to
+    another orbit. `measured` maps "jump_up" and "jump_down" to speeds in rpm; the result has the
+    same keys, without jumps that the model does not have.
     """
     resonance_speed = float(model.speed(1.0))
     speeds = {}
@@ -238,7 +254,11 @@ def fold_speeds(model: Any, measured: dict) -> dict:
 
 
 def _onset(model: Any, measured: float) -> float:
-    """Return the onset of contact loss closest to the `measured` onset, rpm, NaN if none."""
+    """Return the speed in rpm at which a model begins or ceases to lose contact.
+
+    It is the one closest to the `measured` speed, NaN if there is none within 30 %. A sweep over
+    the speed brackets it, and the exact orbit gives its value.
+    """
     speeds = measured * _ONSET_SPEED_RATIOS
     curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING_SWEEP)
     # At the onset, the smallest clearance of a mesh passes 0 in a sweep up.
@@ -251,7 +271,10 @@ def _onset(model: Any, measured: float) -> float:
     state = curve.final_state.values[i]
 
     def smallest_clearance(speed: float) -> float:
-        """Return the smallest clearance of all meshes on the orbit at a speed, m."""
+        """Return the smallest clearance of all meshes on the orbit at a speed in rpm, m.
+
+        It is negative if contact is lost.
+        """
         return _clearances(model, orbit_quantities(model, speed, state)).min()
 
     bracket = speeds[i], speeds[i + 1]
@@ -259,9 +282,10 @@ def _onset(model: Any, measured: float) -> float:
 
 
 def _clearances(model: Any, quantities: Any) -> np.ndarray:
-    """Return the clearances of the loaded flanks in m; negative values mean a loss of contact.
+    """Return the distances of the loaded flanks from loss of contact in m, one per mesh.
 
-    `quantities` has displacement_min and displacement_max in m.
+    Negative values mean a loss of contact. `quantities` has the extrema of an orbit,
+    displacement_min and displacement_max, in m.
     """
     length = model.static_deflection
     minima = np.asarray(quantities["displacement_min"]) / length
@@ -270,8 +294,8 @@ def _clearances(model: Any, quantities: Any) -> np.ndarray:
 
 
 def backlash_excursion(model: Any, quantities: Any) -> float:
-    """Return the largest excursion into the backlash of all meshes, m, 0 without contact loss.
+    """Return the largest displacement into the backlash of all meshes, m, 0 without contact loss.
 
-    `quantities` has displacement_min and displacement_max in m.
+    `quantities` has the extrema of an orbit, displacement_min and displacement_max, in m.
     """
     return abs(float(_clearances(model, quantities).min(initial=0.0)))

@@ -32,9 +32,10 @@ _RISING_ENDINGS = ("_max", *_ORDER_QUANTITIES[:9])
 
 
 def observations_of(model: Any, data: Any) -> list[Observation]:
-    """Return the observations of one measured data set, or of a list of them.
+    """Return the `Observation`s of one measured data set, or of a list of them.
 
-    `model` is the model of the rig; its mesh names select the variables that are compared.
+    An observation has measured values, such as those of a slow sweep, and a function that predicts
+    them. `model` is the model of the rig; its mesh names select the variables that are compared.
     """
     datasets = data if isinstance(data, list | tuple) else [data]
     observations = []
@@ -44,10 +45,11 @@ def observations_of(model: Any, data: Any) -> list[Observation]:
 
 
 def _dataset_observations(model: Any, data: Any) -> list[Observation]:
-    """Return the observations of one measured data set, or raise ValueError if it has none.
+    """Return the `Observation`s of one measured data set, or raise ValueError if it has none.
 
-    `data` is a dataset with a displacement over time, quantities over speed, or scalar jump speeds;
-    `model` is the model of the rig.
+    An observation has measured values and a function that predicts them. `data` is a dataset with a
+    displacement over time, quantities over speed, or scalar speeds of jumps; `model` is the model
+    of the rig.
     """
     if not hasattr(data, "data_vars"):
         value = data if isinstance(data, int | float | str) else type(data).__name__
@@ -81,10 +83,11 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
 
 
 def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES) -> dict:
-    """Return the quantity and the mesh of each variable: name -> (quantity, index of the mesh).
+    """Split names of variables: return name -> (quantity, index of the mesh).
 
-    `names` are names of variables, such as "load_sharing_sun_2"; `comparable` are the names of the
-    quantities to use. Other variables are left out.
+    `names` are names of variables of a measured data set, such as "load_sharing_sun_2", the load
+    sharing of the mesh "sun 2" of a train; `comparable` are the names of the quantities to use.
+    Other variables are left out.
     """
     endings = [f"_{name.replace(' ', '_')}" for name in model.mesh_names] or [""]
     quantities = {}
@@ -101,7 +104,8 @@ def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES)
 def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
     """Raise ValueError unless the compared variables have finite values, SI units and valid noise.
 
-    `quantities` is a result of `quantities_of`; `speeds` maps names of speeds to scalar variables.
+    `data` is a measured dataset. `quantities` maps names of its variables to (quantity, index of
+    the mesh), and `speeds` maps names such as "jump_up" to scalar variables in rpm.
     """
     if quantities:
         for name in ("time", "speed", "direction"):
@@ -120,7 +124,10 @@ def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
 
 
 def _check_finite_samples(name: str, variable: Any, gaps: bool = False) -> None:
-    """Raise ValueError unless a variable is finite at all samples; NaN is allowed with `gaps`."""
+    """Raise ValueError unless a variable has finite real numbers at all samples.
+
+    `name` is its name in messages. NaN (not measured) is allowed with `gaps`, but not everywhere.
+    """
     values = variable.values
     checks.require(values.dtype.kind in "iuf", name, str(values.dtype), "of real numbers")
     checks.require(variable.ndim == 1, name, f"of shape {values.shape}", "over samples only")
@@ -134,10 +141,10 @@ def _check_finite_samples(name: str, variable: Any, gaps: bool = False) -> None:
 
 
 def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
-    """Raise ValueError if the noise, the flags or the units of a variable are invalid.
+    """Raise ValueError if the attributes that describe the sensor of a variable are invalid.
 
-    `name` is the name of the variable, `quantity` the quantity that it holds, `attrs` are its
-    attributes.
+    These `attrs` are noise_std, the flags unknown_gain and unknown_offset (0 or 1), and units.
+    `name` is the name of the variable in messages, and `quantity` the quantity that was measured.
     """
     parameters.check(f"noise_std of {name}", attrs.get("noise_std", 0.0), NonNegative)
     for flag in ("unknown_gain", "unknown_offset"):
@@ -151,9 +158,10 @@ def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
 
 
 def _speed_observation(speeds: dict) -> Observation:
-    """Return the observation of jump speeds and of the onset of contact loss.
+    """Return the `Observation` of measured speeds of jumps and of the onset of contact loss.
 
-    `speeds` maps their names to scalar variables in rpm.
+    `speeds` maps their names, such as "jump_up", to scalar xarray variables in rpm, whose
+    attribute noise_std is the standard deviation, 0 if unknown.
     """
     measured = {name: float(speed) for name, speed in speeds.items()}
     noise = np.array([speed.attrs.get("noise_std", 0.0) for speed in speeds.values()], float)
@@ -176,9 +184,11 @@ def _speed_observation(speeds: dict) -> Observation:
 
 
 def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
-    """Return the observation of quantities over speed, and the jump speeds that the sweeps show.
+    """Return (`Observation` of quantities over speed, speeds of the jumps in these sweeps).
 
-    `quantities` is a result of `quantities_of`; jump speeds map names to scalar variables in rpm.
+    `data` is a dataset with the coordinates speed in rpm and direction (1 up, -1 down).
+    `quantities` maps names of its variables to (quantity, index of the mesh). Jump speeds map
+    "jump_up" and "jump_down" to scalar variables in rpm.
     """
     speeds = np.asarray(data.speed.values, float)
     checks.require((speeds > 0.0).all(), "speed", float(speeds.min()), "> 0 in each sample")
@@ -204,7 +214,10 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
     samples_per_period = observation.SAMPLES_PER_PERIOD if has_orders else 1
 
     def predict(model: Any) -> Prediction:
-        """Return the predicted values of each quantity on the orbits of all branches."""
+        """Return the predicted values of each quantity at all measured speeds.
+
+        Each side of a jump has its own branch of periodic orbits of the model.
+        """
         orbits = np.empty(len(speeds), object)
         for branch in branches:
             orbits[branch] = _branch_orbits(model, speeds[branch], samples_per_period)
@@ -216,7 +229,10 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
         return Prediction(values, backlash_excursion=max(excursions))
 
     def draw(signals: list) -> list:
-        """Return curves over speed of measured values and predicted `signals` of each channel."""
+        """Return a `Curve` over speed of the measured and the predicted values of each channel.
+
+        `signals` are the predicted signals of the sensors, one array per channel.
+        """
         curves = []
         for channel, fitted in zip(channels, signals, strict=True):
             name = channel.name.replace("_", " ")
@@ -229,12 +245,13 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
 
 
 def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray) -> tuple:
-    """Return the indices of the samples on each branch of orbits, and the speeds of the jumps.
+    """Return (indices of the samples on each branch of orbits, speeds of the jumps).
 
     A sweep with a jump has two branches: from its first speed to the jump, and from its last speed
-    back. `speeds`, rpm, and `signs` have shape (samples,); signs are 1 for sweeps up, -1 for sweeps
-    down and 0 for single speeds. `quantities` is a result of `quantities_of`. The jump speeds map
-    "jump_up" and "jump_down" to scalar variables in rpm.
+    back to the jump. `data` is the measured dataset; `speeds` in rpm and `signs` have shape
+    (samples,). Signs are 1 for upward sweeps, -1 for downward sweeps and 0 for single speeds, each
+    of which is a branch. `quantities` maps names of variables to (quantity, index of the mesh). The
+    jump speeds map "jump_up" and "jump_down" to scalar variables in rpm.
     """
     # Quantities that always increase or always decrease at a jump up show its direction; others are
     # used only if there are none of these.
@@ -245,6 +262,7 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
     factors = [-1.0 if variable.name in falling else 1.0 for variable in variables]
     rows = [variable.values.astype(float) for variable in variables]
     table = np.array(factors)[:, None] * rows
+    # A step of three standard deviations or less may be noise.
     min_steps = [3.0 * float(variable.attrs.get("noise_std", 0.0)) for variable in variables]
     branches, jumps = [], {}
     for sign in np.unique(signs):
@@ -269,8 +287,9 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
 def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
     """Return the index of the first sample after the largest jump, None without a jump.
 
-    `table` has a row for each quantity and a column for each sample in the order of the sweep. A
-    jump exceeds `min_steps`, a number or one for each row. The `sign` 1 selects increases, -1
+    `table` has one row per quantity and one column per sample, in the order of the sweep. A jump is
+    a change between successive samples by more than `min_steps` (a number, or one per row), 15 % of
+    the largest value, and three times the median change. The `sign` 1 selects increases, -1
     decreases, 0 both.
     """
     if table.shape[1] < 2:
@@ -288,11 +307,12 @@ def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
 
 
 def _branch_orbits(model: Any, speeds: np.ndarray, samples_per_period: int) -> list[dict]:
-    """Return the quantities of the orbits of one branch at each speed in rpm.
+    """Return the quantities of the periodic orbits on one branch, a dictionary for each speed.
 
-    The speeds are in the order of the sweep. The branch ends where the displacement jumps up in a
-    sweep up, or down in a sweep down, not at a first impact on the coast side; the last orbit is
-    repeated at the speeds beyond.
+    The speeds in rpm are in the order of the sweep; `samples_per_period` is the number of samples
+    of a mesh period. The branch ends where the displacement jumps up in an upward sweep, or down in
+    a downward sweep, not at a first impact on the coast side. At the speeds beyond, the last orbit
+    is repeated.
     """
     is_sweep_up = len(speeds) < 2 or speeds[-1] > speeds[0]
     # Repeated speeds are computed once.

@@ -75,6 +75,7 @@ def thickness_limits(diameter: ReferenceDiameter, designation: Any) -> tuple[flo
     )
     checks.require(_FIRST_NUMBER <= number <= _LAST_NUMBER, "thickness", designation, allowed)
     row = next(i for i, max_diameter in enumerate(_MAX_DIAMETERS) if diameter <= max_diameter)
+    # The tables are in micrometres; the upper allowance is negative, and the tolerance lies below.
     upper = -_ALLOWANCES[row][_ALLOWANCE_SERIES.index(letters)]
     tolerance = _TOLERANCE_SERIES[row][_FIRST_TOLERANCE_INDICES[row] + number - _FIRST_NUMBER]
     return _MICROMETRE * (upper - tolerance), _MICROMETRE * upper
@@ -83,7 +84,8 @@ def thickness_limits(diameter: ReferenceDiameter, designation: Any) -> tuple[flo
 def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
     """Return the lower and upper deviation of a centre distance according to DIN 3964, m.
 
-    `distance` is from 0.01 to 0.5 m; the designation is a class from "js5" to "js11".
+    `distance` is from 0.01 to 0.5 m; the designation is a class from "js5" to "js11", whose limits
+    are symmetric. Raise ValueError if one of them is invalid.
     """
     distance = parameters.check("centre_distance", distance, _Distance)
     designations = [f"js{_FIRST_GRADE + i}" for i in range(len(_IT_GRADES[0.5]))]

@@ -170,9 +170,10 @@ def shard(
 ) -> xr.Dataset:
     """Compute the designs with the indices `start` to `stop` - 1 of the n designs of a `scatter`.
 
-    The other arguments have the meaning of `scatter`; `settings` are threads, progress,
-    max_seconds, and the arguments of the sweeps, from speeds to box. Return a dataset over these
-    designs, without statistics.
+    A design is the `model` with random values of its parameters within `tolerances`; `quantities`
+    are computed for each, at `speed` in rpm for a duty point. `settings` are threads, progress,
+    max_seconds, and the arguments of the sweeps: speeds, tunings, directions, periods,
+    record_periods and box. Return a dataset over these designs, without statistics.
     """
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     checks.require(progress is None or callable(progress), "progress", progress, "a function")
@@ -204,9 +205,11 @@ def shard(
 def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, limit, done) -> dict:
     """Return the variables of a range of samples: parameters, runs, quantities, error messages.
 
-    `designs` are `Designs`, `sweeps` are `SweepSettings` or None, `evaluator` is a
-    `DesignQuantities` or None. `progress` is called with 1 after each sample. The mask `done`,
-    (samples,), is set for the samples that are finished before the `Limit` of time.
+    A sample is a set of random parameters. `designs` are the `Designs` that build their models,
+    `sweeps` the `SweepSettings` of the runs over speed, or None, and `evaluator` a
+    `DesignQuantities`, which computes quantities such as jump speeds, or None. `progress` is called
+    with 1 after each sample. The mask `done`, (samples,), is set for the samples that are finished
+    before the `Limit` of time.
     """
     count = len(samples)
     tables: dict = {}  # name of a variable of the runs -> array (samples, directions, speeds)
@@ -275,7 +278,10 @@ def _sweep_settings(
 ) -> SweepSettings | None:
     """Check the arguments of `scatter` that concern sweeps; return them as `SweepSettings`.
 
-    Return None if neither speeds nor tunings are given. `model` is the nominal model.
+    A sweep runs the model at each of the `speeds` in rpm, or at the `tunings` (mesh frequency over
+    natural frequency) of the nominal `model`, over `periods` mesh periods, of which the last
+    `record_periods` are evaluated. `box` has the limits of random initial states. Return None if
+    neither speeds nor tunings are given.
     """
     if speeds is None and tunings is None:
         return None
@@ -299,10 +305,12 @@ def _sweep_settings(
 
 
 def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, rows: dict) -> None:
-    """Sweep the `model` of one design in all directions, and store the results in `rows`.
+    """Sweep the `model` of one design over speed in all directions, and store the results.
 
-    `rows` maps the names of `_RUN_VARIABLES` to arrays (directions, speeds). `unit_point`, (2,),
-    is the initial state of "seeded" runs, where 0 and 1 are the limits of the box.
+    `sweeps` are the `SweepSettings`. `rows` maps "height" (peak-to-peak displacement), "factor"
+    (dynamic factor), "lost" (contact), "settled" and "run_status" to arrays (directions, speeds),
+    which are filled. `unit_point`, (2,), gives the random initial state of the direction "seeded",
+    where 0 and 1 are the limits of displacement and velocity.
     """
     lower, upper = np.transpose(sweeps.box)
     random_state = tuple((lower + (upper - lower) * unit_point).tolist())
@@ -339,8 +347,8 @@ def _variable(dims, values, units: str, long_name: str, **attributes: Any) -> xr
 def join_shards(shards: Any) -> xr.Dataset:
     """Join all shards of a scatter, in any order, into the dataset of `scatter`.
 
-    `shards` are results of `shard`. Raise ValueError if a shard is missing or belongs to another
-    scatter.
+    `shards` are datasets of `shard`, each for a range of samples. Statistics over all samples are
+    added. Raise ValueError if a shard is missing or belongs to another scatter.
     """
     shards = sorted(shards, key=lambda dataset: int(dataset.sample[0]))
     attributes = shards[0].attrs
@@ -377,7 +385,12 @@ def join_shards(shards: Any) -> xr.Dataset:
 
 
 def _with_statistics(data: xr.Dataset) -> xr.Dataset:
-    """Replace the results of single runs in joined shards by statistics over the samples."""
+    """Replace the results of single runs in a dataset by statistics over the samples.
+
+    They are quantiles of peak-to-peak displacement and dynamic factor, probabilities of contact
+    loss and of two motions at the same speed, and with random initial states the probability of
+    each motion, over (direction, speed) or over speed.
+    """
     grid_dim = "tuning" if "tuning" in data.dims else "speed"
     dims, directions = ("direction", grid_dim), data.direction.values.tolist()
     runs = {name: data[name].values for name in _RUN_VARIABLES}  # (sample, *dims)
@@ -422,20 +435,21 @@ def _with_statistics(data: xr.Dataset) -> xr.Dataset:
 
 
 def _fraction(subset: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the fraction of the samples that are in the subset, NaN if there are no samples.
+    """Return the fraction of the samples that belong to a subset, NaN if there are no samples.
 
-    Both are masks of shape (n, ...); the fraction is taken over the first axis.
+    `subset` and `samples` are masks of shape (n, ...); the fraction is taken over the first axis.
     """
     count = samples.sum(axis=0)
     return (subset & samples).sum(axis=0) / np.where(count > 0, count, np.nan)
 
 
 def _classify_motions(peak_to_peak, low, high, has_two_motions) -> tuple:
-    """Return masks of the runs that settled on the only, lower, higher or another motion.
+    """Return masks of the runs that ended on the only, lower, higher or another motion.
 
-    `peak_to_peak` has the displacements of the runs; `low` and `high` are the smaller and the
-    larger peak-to-peak displacement of the sweeps up and down, and `has_two_motions` is a mask
-    where these differ. All have shape (samples, speeds).
+    `peak_to_peak` has the peak-to-peak displacements of runs from random initial states. `low` and
+    `high` are the smaller and the larger one of the upward and downward sweeps, and
+    `has_two_motions` is a mask where these differ. All have shape (samples, speeds), as do the four
+    masks.
     """
     on_low, on_high = _nearly_equal(peak_to_peak, low), _nearly_equal(peak_to_peak, high)
     # A run within the tolerance of both motions counts for the nearer one.
@@ -455,7 +469,10 @@ def _nearly_equal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def refused(dataset: xr.Dataset) -> list[str]:
-    """Describe each kind of error in a result of `scatter` in a line: its count and an example."""
+    """Describe in one line each kind of error that prevented designs in a result of `scatter`.
+
+    The line has the number of samples with this error and an example of its message.
+    """
     rows, total = json.loads(dataset.attrs["refused"]), dataset.sizes["sample"]
     return [f"{count} of {total} samples cannot be built, such as: {text}" for count, text in rows]
 
@@ -535,8 +552,9 @@ def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any, limi
 
     The k + 2 rows belong to two independent sets A and B of n samples of the k parameters, and to k
     copies of A with one parameter of B each. Values are NaN for designs that do not have the
-    quantity. `evaluator` is a `DesignQuantities`; `progress`, a function or None, is called with 1
-    after each design. If the time of the `Limit` ends, fewer than n samples are returned.
+    quantity. `designs` build the models, and `evaluator` is the `DesignQuantities` that computes
+    the quantities; `progress`, a function or None, is called with 1 after each design. If the time
+    of the `Limit` ends, fewer than n samples are returned.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
@@ -562,11 +580,13 @@ def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any, limi
 
 
 def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
-    """Return first-order and total indices of a quantity, (2, k), and their intervals, (2, k, 2).
+    """Return (first-order and total Sobol' indices, (2, k), their intervals, (2, k, 2)).
 
-    `table`, (k + 2, n), has the values of the quantity for the designs of Saltelli's method, see
-    `_design_tables`. `level` is the confidence level, `seed` the seed of the bootstrap, and `name`
-    the quantity in messages.
+    Sobol' indices are the fractions of the variance of a quantity due to each of k parameters.
+    `table`, (k + 2, n), has the values of the quantity for two independent sets of n designs and
+    for k copies of the first with one parameter of the second each, NaN if a design does not have
+    it. `level` is the confidence level, `seed` the seed of the bootstrap, and `name` the quantity
+    in messages.
     """
     n = table.shape[1]
     complete = np.flatnonzero(np.isfinite(table).all(axis=0))
@@ -585,9 +605,10 @@ def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: st
     table = table[:, samples]
 
     def indices(columns):
-        """Return the indices, (2, k), from some columns of the table.
+        """Return the first-order and total indices, (2, k), from some columns of the table.
 
-        The estimators are those of Saltelli (2010), first order, and Jansen (1999), total.
+        The estimators are those of Saltelli (2010) for the first order and Jansen (1999) for the
+        total index. The bootstrap calls this function with random columns.
         """
         centred = table[:, columns] - table[:2, columns].mean()
         a, b, mixed = centred[0], centred[1], centred[2:]

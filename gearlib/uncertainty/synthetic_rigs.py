@@ -11,13 +11,15 @@ from gearlib.runs.run_up import run_up
 def synthetic_rig(
     model, speed_course, seed, *, noise=0.05, bits=12, samples_per_period=32, gain=1.0
 ) -> xr.Dataset:
-    """Return synthetic measured data of a run-up with a speed course, rows of s and rpm.
+    """Return synthetic measured data of a run-up of a model, a dataset like those of test rigs.
 
-    The signal is the displacement of the first mesh, read by an encoder whose `bits` resolve three
-    times the range of the signal. Three disturbances are added: random noise, whose standard
-    deviation is `noise` times that of the signal; an offset of at most 0.3 ranges; and a wave of
-    0.2 to 1 ranges once per revolution, as from an eccentricity. A `gain` other than 1 is marked as
-    unknown in the attributes. `seed` is the seed of the random numbers.
+    `speed_course` has rows (time in s, speed in rpm). The signal is the displacement of the first
+    mesh, with `samples_per_period` samples in each mesh period, read by an encoder whose `bits`
+    resolve three times the range of the signal. Three disturbances are added: random noise, whose
+    standard deviation is `noise` times that of the signal; an offset of at most 0.3 ranges; and a
+    wave of 0.2 to 1 ranges once per revolution, as from an eccentricity. The signal is multiplied
+    by `gain`; if this is not 1, it is marked as unknown in the attributes. `seed` is the seed of
+    the random numbers.
     """
     rng = np.random.default_rng(seed)
     run = run_up(model, speed=speed_course, samples_per_period=samples_per_period)
