@@ -175,7 +175,7 @@ class MeshEquation:
         return inertia + self.to_harmonics(force.value) - self.excitation
 
     def max_residual(self, residual: np.ndarray) -> float:
-        """Return the largest absolute residual of the equation over the period, relative to the load.
+        """Return the largest residual of the equation over the period, relative to the load.
 
         `residual` has the complex harmonics of the residual, shape (h + 1,).
         """
@@ -256,7 +256,7 @@ def _contact(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
     """
     change = np.maximum(np.abs(v) * step, _MIN_CHANGE)  # of the displacement within a grid cell
     change_v = np.sign(v) * step
-    # Position of the grid point relative to the crossing, in cells; beyond one cell nothing changes.
+    # Position of the grid point relative to the crossing, in cells; it only matters up to one cell.
     u = np.clip(x / change, -1.0, 1.0)
     fraction = np.where(u < 0.0, 0.5 * (1.0 + u) ** 2, 1.0 - 0.5 * (1.0 - u) ** 2)
     fraction_x = (1.0 - np.abs(u)) / change
