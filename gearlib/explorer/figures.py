@@ -28,7 +28,11 @@ class Figures:
     """The figures of a gear pair over the tuning, or of gear geometry over the speed."""
 
     def __init__(self, by_geometry: bool):
-        """Create empty figures; with `by_geometry` also figures of the teeth and a table."""
+        """Create empty figures; with `by_geometry` also figures of the teeth and a table.
+
+        Each curve has a name, a key of `sources`; setting the points of this data source redraws
+        it.
+        """
         self.by_geometry = by_geometry
         # Names of the curves of the Harris map: torques over the chosen torque, which is the last.
         self.harris_names = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]
@@ -38,13 +42,17 @@ class Figures:
         self.teeth_panes = [pane(plot) for plot in self._teeth_figures()] if by_geometry else []
 
     def rows(self) -> list:
-        """Return the rows of the figures as Panel objects."""
+        """Return the rows of the page as Panel objects: teeth, resonance curve, motion."""
         rows = [beside(self.table, *self.teeth_panes)] if self.by_geometry else []
         motion_panes = map(pane, self._motion_figures())
         return [*rows, beside(pane(self.resonance, _LARGE_HEIGHT)), beside(*motion_panes)]
 
     def draw(self, view: View) -> str:
-        """Draw the results of a view into all figures, and return its message."""
+        """Draw the results of a view into all figures, and return its message.
+
+        A `View` has the results for one position of the sliders. With gear geometry the curves are
+        over the speed, else over the tuning (mesh frequency over natural frequency).
+        """
         tuning = float(view.run.tuning)
         if self.by_geometry:
             self._draw_curves(view.curves)
@@ -57,6 +65,7 @@ class Figures:
         self._set("plane", displacement, history.velocity.values)
         self._set("history", phase - phase[0], displacement)
         self._set("force", phase - phase[0], history.dynamic_force.values)
+        # Floquet multipliers are complex numbers, drawn as points of the complex plane.
         self._set("multipliers", view.multipliers.real, view.multipliers.imag)
         if view.orders is not None:
             self._set("orders", *_stems(view.orders))
@@ -70,7 +79,8 @@ class Figures:
     def _draw_curves(self, curves) -> None:
         """Draw dynamic factor and transmission error over the speed, and lines at the jumps.
 
-        `curves` is a result of `over_speed`.
+        `curves` is a result of `gearlib.studies.teeth_over_speed.over_speed`, for rising ("up") and
+        falling speed.
         """
         speed = curves.speed.values
         for name in ("up", "down"):
@@ -91,7 +101,11 @@ class Figures:
         self._set("jumps", np.append(x, np.nan), np.append(y, np.nan))
 
     def _draw_teeth(self, view: View) -> None:
-        """Show the derived quantities, the Harris map and the load share of gear geometry."""
+        """Show the results of gear geometry: table of quantities, Harris map, and load share.
+
+        The Harris map has the transmission error for several torques. The load share is the part of
+        the load that one pair of teeth carries.
+        """
         rows = [f"| {name} | {value} |" for name, value in derived_quantities(view)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
         error = view.error
@@ -107,10 +121,10 @@ class Figures:
         self.sources[name].data = {"x": x, "y": y}
 
     def _plot(self, title: str, x: str, y: str, *lines, **options):
-        """Return a figure with the axis labels `x` and `y` and a curve for each of `lines`.
+        """Return a Bokeh figure with the axis labels `x` and `y`, and a curve for each of `lines`.
 
-        A line is a tuple (source name, colour index in `PALETTE`, options of `figure.line`);
-        `options` are passed to `bokeh.plotting.figure`.
+        A line is a tuple (name of its data source, colour index in `PALETTE`, options of
+        `figure.line`); `options` are passed to `bokeh.plotting.figure`.
         """
         settings = {"sizing_mode": "stretch_both", "min_border_left": _LABEL_WIDTH}
         settings |= {"toolbar_location": None, "title": title} | options
@@ -121,7 +135,11 @@ class Figures:
         return plot
 
     def _resonance_figure(self):
-        """Return the figure of the resonance curve and its marker at the chosen speed or tuning."""
+        """Return the figure of the resonance curve, and the line that marks the chosen abscissa.
+
+        With gear geometry the curve is the dynamic factor over the speed, else the displacement
+        extrema over the tuning (mesh frequency over natural frequency).
+        """
         if self.by_geometry:
             title, y = "Pairs of teeth: dynamic factor", "dynamic factor"
             x = _SPEED_LABEL
@@ -144,7 +162,11 @@ class Figures:
         return plot, marker
 
     def _motion_figures(self) -> list:
-        """Return figures of phase plane, time history, Floquet multipliers and order spectrum."""
+        """Return a list of figures of the motion at the chosen speed or tuning.
+
+        They show phase plane, time history, Floquet multipliers (growth of perturbations in a
+        period) with the unit circle, and order spectrum of the mesh force.
+        """
         orbit = ("plane", _FIRST_COLOUR, {})
         plane = self._plot("Phase plane", "displacement", "velocity dx/dτ", orbit)
         displacement = ("history", _FIRST_COLOUR, {"legend_label": "displacement"})
@@ -163,7 +185,11 @@ class Figures:
         return [plane, history, multipliers, spectrum]
 
     def _teeth_figures(self) -> list:
-        """Return figures of the Harris map, of load share and of transmission error over speed."""
+        """Return figures of Harris map, load share, and transmission error over the speed.
+
+        The Harris map has the transmission error over the mesh phase for several torques, the load
+        share is that of one pair of teeth along its path of contact.
+        """
         lines = [(name, _GREY, {"legend_label": name}) for name in self.harris_names[:-1]]
         lines.append(("chosen", _FIRST_COLOUR, {"line_width": 3, "legend_label": "1"}))  # ratio
         x, y = "mesh phase / 2π", "transmission error, µm"
@@ -197,11 +223,13 @@ def _load_share_along_path(error, phases: int):
 def _stems(spectrum):
     """Return x and y of vertical lines, separated by NaN, for the amplitudes of an order spectrum.
 
-    The mean force (order 0) and very small amplitudes are left out.
+    `spectrum` is a result of `gearlib.orders`. The mean force (order 0) and amplitudes far below it
+    are left out.
     """
     amplitude = spectrum.force_amplitude.values
     is_shown = amplitude > _MIN_AMPLITUDE * amplitude[0]
     is_shown[0] = False
+    # On a logarithmic axis the lines cannot start at zero.
     lower_ends = np.full(is_shown.sum(), _MIN_AMPLITUDE * amplitude[0])
     gaps = np.full(is_shown.sum(), np.nan)
     y = np.column_stack([lower_ends, amplitude[is_shown], gaps]).ravel()
@@ -240,7 +268,10 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
 
 
 def pane(plot, height=_SMALL_HEIGHT):
-    """Return a Panel object of a figure; `height` is (fraction of window height, minimum px)."""
+    """Return a Panel object of a Bokeh figure that fills a given part of the window.
+
+    `height` is a pair: fraction of the window height, and minimum height in pixels.
+    """
     fraction, min_height = height
     styles = {
         "height": f"calc({fraction} * (100vh - {_HEADING_HEIGHT}px))",

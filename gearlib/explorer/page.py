@@ -47,9 +47,10 @@ def slider(label: str, initial: float, low: float, high: float, unit: float = 1.
     """Return a slider with limits rounded outwards and a step of 1, 2 or 5 times a power of ten.
 
     The `initial` value, the limits `low` and `high`, and `unit`, the size of the displayed unit,
-    are in SI.
+    are in SI. The slider has at least `_MIN_STEPS` steps.
     """
     low, high, shown_initial = low / unit, high / unit, initial / unit
+    # The step is the largest allowed one; `_TOLERANCE` absorbs rounding errors of the ratios.
     max_step = (high - low) / _MIN_STEPS
     power = 10.0 ** math.floor(math.log10(max_step) + _TOLERANCE)
     factors = [m for m in (1.0, 2.0, 5.0) if m * power <= max_step * (1.0 + _TOLERANCE)]
@@ -63,8 +64,8 @@ def slider(label: str, initial: float, low: float, high: float, unit: float = 1.
 def parameter_slider(model: type, name: str, initial: float, low: float, high: float) -> Slider:
     """Return a slider for the declared parameter `name` of a model class.
 
-    The initial value and the limits are in SI. The label and the displayed unit come from the
-    declaration.
+    The initial value and the limits `low` and `high` are in SI. The label and the displayed unit
+    come from the annotation of the parameter in the class.
     """
     parameter = declared_parameters(model)[name]
     number, label = parameter.number or Unit("1"), parameter.long_name
@@ -88,7 +89,10 @@ class Sliders:
     """
 
     def __init__(self, mapping: dict, damping: str):
-        """Create the sliders of a configuration; `damping` is the name of one of its dampings."""
+        """Create the sliders of a configuration; `damping` names one of its damping combinations.
+
+        `mapping` is the content of the configuration file.
+        """
         self.mapping, self.damping = mapping, damping
         settings = config.load(mapping)
         self.by_geometry = settings.gears is not None
@@ -97,7 +101,7 @@ class Sliders:
             self.pair, self.stiffness_model = pairs_of_teeth.pair, pairs_of_teeth.stiffness_model
         else:
             self.pair = model(settings.pair(damping))
-        # Rounding restores the ratios from which the coefficients were computed.
+        # Rounding restores the ratios from which the damping coefficients were computed.
         ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
         self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
         make_sliders = self._geometry_sliders if self.by_geometry else self._pair_sliders
@@ -109,9 +113,9 @@ class Sliders:
         self.abscissa = "speed" if self.by_geometry else "tuning"
 
     def _pair_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
-        """Return the heading of the page and the sliders, by name, of a gear pair.
+        """Return the heading of the page and the sliders, by name, of a gear pair without geometry.
 
-        `settings` is the validated configuration.
+        `settings` is the validated configuration. Limits are chosen around the initial values.
         """
         pair, grid, tuning = self.pair, settings.resonance, settings.phase_planes.tunings[0]
         # Infinite backlash is shown as four static deflections.
@@ -129,9 +133,10 @@ class Sliders:
         return heading, sliders
 
     def _geometry_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
-        """Return the heading of the page and the sliders, by name, of gear geometry.
+        """Return the heading of the page and the sliders, by name, of gears given by geometry.
 
-        `settings` is the validated configuration, whose stage is kept in `self.mesh`.
+        `settings` is the validated configuration, whose gear stage is kept in `self.mesh`. Limits
+        are chosen around the initial values.
         """
         self.mesh = mesh = settings.gears.mesh()
         torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
@@ -167,7 +172,7 @@ class Sliders:
         return heading, sliders
 
     def configuration(self, values: dict[str, float]) -> dict:
-        """Return the configuration with the values of the sliders.
+        """Return the configuration as a dict with the values of the sliders.
 
         `values` has the value of each slider in SI, by name. Keys of sliders that were not moved
         stay unchanged. Raise ValueError for impossible gears.
@@ -194,11 +199,14 @@ class Sliders:
     def _apply_to_geometry(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
         """Write the values of the `moved` sliders into the section `gears` of the configuration.
 
-        `values` has the value of each slider in SI, by name. Tip diameters are changed so that the
-        addendum, in modules, is preserved.
+        `values` has the value of each slider in SI, by name. Given values that fit only the initial
+        gears are adapted or removed: the tip diameter keeps the height of the tooth tip over the
+        module, a tip relief its length over the module, and pitch errors and a given centre
+        distance are deleted.
         """
         for name in moved & {"module", "width", "helix_angle"}:
             gears["pinion"][name] = values[name]
+            # Without a value of its own the wheel takes that of the pinion.
             gears["wheel"].pop(name, None)
         for gear in ("pinion", "wheel"):
             section, initial = gears[gear], getattr(self.mesh, gear)
@@ -216,6 +224,7 @@ class Sliders:
             if "module" in moved and section.get("tip_relief"):
                 length = initial.tip_relief.length * values["module"] / initial.module
                 section["tip_relief"] = section["tip_relief"] | {"length": length}
+            # Pitch errors have an entry per tooth.
             if section.get("pitch_errors") and f"{gear}_teeth" in moved:
                 del section["pitch_errors"]
         if moved & _GEOMETRY:
@@ -234,7 +243,8 @@ class Sliders:
     def _apply_tip_relief(self, gears: dict, amount: float) -> None:
         """Scale the tip reliefs in the section `gears` so that the largest becomes `amount`, m.
 
-        If there are none, both gears get tip relief of the largest possible length.
+        If there are none, both gears get tip relief of the largest possible length. Tip relief is
+        material removed at the tip of the teeth.
         """
         initial_amount = self.sliders["tip_relief"].initial
         if not initial_amount:
@@ -252,7 +262,11 @@ class Page:
     """The page of a configuration with one of its dampings."""
 
     def __init__(self, mapping: dict, damping: str):
-        """Create the page of a configuration; `damping` is the name of one of its dampings."""
+        """Create the page of a configuration; `damping` names one of its damping combinations.
+
+        `mapping` is the content of the configuration file. Each movement of a slider calls
+        `update`, each click in the resonance curve calls `pick`.
+        """
         self.slider_set = Sliders(mapping, damping)
         self.figures = Figures(self.slider_set.by_geometry)
         self.widgets = {name: _widget(slider) for name, slider in self.slider_set.sliders.items()}
@@ -267,16 +281,17 @@ class Page:
         self.update()
 
     def pick(self, event) -> None:
-        """Set the speed or tuning slider to the position of a click in the resonance curve.
+        """Set the speed or tuning slider to the abscissa of a click in the resonance curve.
 
-        `event` is the tap event of Bokeh, with the position `x` in data coordinates.
+        `event` is the tap event of Bokeh, with the position `x` in data coordinates, which is
+        rounded to a step of the slider.
         """
         widget = self.widgets[self.slider_set.abscissa]
         value = widget.start + round((event.x - widget.start) / widget.step) * widget.step
         widget.value = min(max(float(f"{value:.12g}"), widget.start), widget.end)
 
     def configuration(self) -> dict:
-        """Return the configuration with the current values of all sliders."""
+        """Return the configuration as a dict with the current values of all sliders."""
         values = {}
         for name, slider in self.slider_set.sliders.items():
             # Moved sliders have values rounded to 12 digits, other sliders the exact initial value.
@@ -290,7 +305,8 @@ class Page:
     def update(self, *_) -> None:
         """Compute and draw the results for the slider values, or show why they are invalid.
 
-        Panel passes events, which are not needed.
+        Invalid values hide the figures and disable the download. Panel passes events, which are
+        ignored.
         """
         start, is_valid = time.perf_counter(), True
         try:
@@ -323,7 +339,7 @@ def _initial_value(slider: Slider) -> float:
 
 
 def _widget(slider: Slider):
-    """Return the Panel widget of a slider, in its displayed unit."""
+    """Return the Panel widget of a slider, in its displayed unit, with up to six decimals."""
     settings = {"start": slider.low, "end": slider.high, "step": slider.step}
     settings |= {"value": _initial_value(slider), "format": "0[.][00000]"}
     return pn.widgets.FloatSlider(label=slider.label, **settings)
@@ -332,8 +348,8 @@ def _widget(slider: Slider):
 def serve(mapping: dict, damping: str, port: int = 0, show: bool = True) -> None:
     """Serve the explorer page on this machine until interrupted.
 
-    `mapping` is a configuration and `damping` the name of one of its dampings. Port 0 means any
-    free port; `show` opens a browser.
+    `mapping` is the content of a configuration file, `damping` the name of one of its damping
+    combinations. Port 0 means any free port; `show` opens a browser.
     """
     pn.extension()
     # Computing one view loads the compiled kernels before the first slider is moved.

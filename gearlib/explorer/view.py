@@ -52,10 +52,11 @@ class View(NamedTuple):
 
 
 def compute_view(mapping: dict, damping: str) -> View:
-    """Return the results of a configuration at its first tuning.
+    """Return the results that the explorer draws for a configuration at its first tuning.
 
-    `mapping` is the content of the configuration, `damping` the name of one of its dampings. Raise
-    ValueError if the gears are impossible.
+    The tuning is the mesh frequency over the natural frequency. `mapping` is the content of the
+    configuration file, `damping` the name of one of its damping combinations. Raise ValueError if
+    the gears are impossible.
     """
     settings = config.load(mapping)
     pair = model(settings.pair(damping))
@@ -64,6 +65,7 @@ def compute_view(mapping: dict, damping: str) -> View:
         tunings = np.linspace(settings.resonance.start, settings.resonance.stop, _POINTS)
 
         def resonance_curve(direction):
+            """Return the sweep of the gear pair in a direction, "up" or "down"."""
             return _resonance_curve(pair, tunings, direction)
 
         # Threads run in parallel, because the kernels release the interpreter lock.
@@ -100,7 +102,11 @@ def compute_view(mapping: dict, damping: str) -> View:
 
 
 def _resonance_curve(pair: GearPair, tunings: np.ndarray, direction: str) -> xr.Dataset:
-    """Return a sweep "up" or "down" of a gear pair, with NaN where the motion is unbounded."""
+    """Return a sweep of a gear pair over tunings, with NaN where the motion is unbounded.
+
+    The tuning is the mesh frequency over the natural frequency; it increases if the `direction` is
+    "up" and decreases if it is "down".
+    """
     settings = {"periods": _PERIODS, "record_periods": _RECORDED, "threads": 1}
     curve = sweep(pair, tunings, direction=direction, **settings)
     # Motions far beyond the larger of backlash and static deflection count as unbounded.
@@ -108,15 +114,17 @@ def _resonance_curve(pair: GearPair, tunings: np.ndarray, direction: str) -> xr.
 
 
 def _view_of_motion(model: Any, tuning: float, repeat_periods: int = 1) -> View:
-    """Return the `View` of the motion of a model at a tuning, without curves over the speed.
+    """Return the `View` of a model's motion at one tuning, without curves over the speed.
 
-    Pairs of teeth start in static equilibrium, a gear pair from rest. Pitch errors repeat after
-    `repeat_periods` mesh periods.
+    The tuning is the mesh frequency over the natural frequency. Models with pairs of teeth start in
+    static equilibrium, a plain gear pair from rest. Pitch errors repeat after `repeat_periods` mesh
+    periods.
     """
     # The record spans a revolution, or with pitch errors the periods until the same teeth meet.
     recorded = max(round(model.periods_per_revolution), min(repeat_periods, _MAX_RECORDED))
     periods = {"periods": _SETTLING_PERIODS + recorded, "record_periods": recorded}
     start, initial_state = "rest", (0.0, 0.0)
+    # A model with pairs of teeth has a gear pair, `pair`; a gear pair is its own `pair`.
     if model.pair is not model:
         start, initial_state = "static equilibrium", "static"
     run = simulate(
@@ -138,9 +146,10 @@ def _view_of_motion(model: Any, tuning: float, repeat_periods: int = 1) -> View:
 
 
 def _floquet_multipliers(model, run: xr.Dataset) -> np.ndarray:
-    """Return the Floquet multipliers of the orbit on which a run has settled.
+    """Return the Floquet multipliers of the periodic orbit on which a run has settled.
 
-    Return an empty array if the run has not settled or no orbit is found.
+    They tell how much small perturbations grow in a period. Return an empty array if the run has
+    not settled (period 0) or no orbit is found.
     """
     if not int(run.period):
         return np.empty(0)

@@ -19,6 +19,7 @@ _MAX_LABELS = 10
 def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitude") -> Axes:
     """Draw order spectra: amplitudes over the orders, with labels at tooth-passing harmonics.
 
+    An order is the ratio of a frequency to the frequency of the shaft.
     The mean (order 0) and amplitudes below a millionth of the largest one are left out.
 
     Parameters
@@ -121,9 +122,10 @@ def order_map(
 ):
     """Draw an order map, with the rising and the falling speed side by side.
 
-    Labelled lines are the mesh orders z, 2z, ... and the subharmonic z/2 of a gear with z teeth,
-    dotted lines the sidebands z - 1, z + 1 and so on. Axes below each map show the overall level.
-    Times that were left out of the map stay empty.
+    An order map has the amplitudes over the speed and the order (waves per revolution). Labelled
+    lines are the mesh orders z, 2z, ... and the subharmonic z/2 of a gear with z teeth, dotted
+    lines the sidebands z - 1, z + 1 and so on. Axes below each map show the overall level. Times
+    that were left out of the map stay empty.
 
     Parameters
     ----------

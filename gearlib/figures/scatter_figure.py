@@ -24,10 +24,10 @@ _GREY = "#CFCFCF"
 
 @style.styled()
 def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[str, Figure]:
-    """Return the figures of the scatter due to tolerances, in a dict by name.
+    """Return two figures of the scatter of results due to tolerances, in a dict by name.
 
-    `scattered` is a result of `gearlib.scatter`, `indices` a result of `gearlib.sobol_indices` or
-    None.
+    `scattered` is a result of `gearlib.scatter`, computed for many random designs. `indices` is a
+    result of `gearlib.sobol_indices` (shares of the parameters in the variance), or None.
     """
     return {
         "tolerance_bands": draw_bands(scattered),
@@ -37,11 +37,12 @@ def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[st
 
 @style.styled()
 def draw_bands(scattered: xr.Dataset):
-    """Return a figure of quantile bands of displacement, and of probabilities, over the speed.
+    """Return a figure of the scatter over the speed: quantile bands, and probabilities below.
 
-    `scattered` is a result of `gearlib.scatter`, over "tuning" or "speed". Its variable height_band
-    has the quantiles 5, 50 and 95 % of the peak-to-peak displacement. The direction "seeded" means
-    random initial states.
+    `scattered` is a result of `gearlib.scatter`, over "tuning" (mesh frequency over natural
+    frequency) or "speed". Its variable height_band has the quantiles 5, 50 and 95 % of the
+    peak-to-peak displacement. The lower panel shows the probability of contact loss, and as an area
+    that of two different motions at one speed. The direction "seeded" means random initial states.
     """
     figure = style.page_figure(_HEIGHT)
     band_axes, probability_axes = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
@@ -82,8 +83,9 @@ def draw_bands(scattered: xr.Dataset):
 def draw_quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
     """Return a figure of histograms of scattered quantities, with Sobol' indices beside them.
 
-    `scattered` is a result of `gearlib.scatter`. `indices` is a result of `gearlib.sobol_indices`;
-    with None there are no panels of indices.
+    `scattered` is a result of `gearlib.scatter`, computed for many random designs. `indices` is a
+    result of `gearlib.sobol_indices` (share of each parameter in the variance); with None there are
+    no panels of indices.
     """
     names = [name for name in QUANTITIES if name in scattered]
     figure = style.page_figure(_ROW_HEIGHT * len(names))
@@ -98,9 +100,10 @@ def draw_quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None)
 
 
 def _draw_histogram(axes, scattered: xr.Dataset, name: str):
-    """Draw a histogram of the quantity `name` of all designs, and a line at its nominal value.
+    """Draw a histogram of the quantity `name` of all random designs, with its nominal value.
 
-    Designs are left out if the status of the quantity is not "ok".
+    Designs are left out if the status of the quantity is not "ok", for example if it does not
+    exist.
     """
     values = scattered[name].values[scattered[f"{name}_status"].values == STATUSES.index("ok")]
     unit, _ = QUANTITIES[name]
@@ -119,7 +122,11 @@ def _draw_histogram(axes, scattered: xr.Dataset, name: str):
 
 
 def _draw_indices(axes, indices: xr.Dataset):
-    """Draw the total and first-order Sobol' indices of all parameters, with their intervals."""
+    """Draw the total and first-order Sobol' indices of all parameters as bars, with intervals.
+
+    A Sobol' index is the share of a parameter in the variance of the quantity: alone (first order)
+    or together with other parameters (total).
+    """
     positions = np.arange(indices.sizes["parameter"])
     bar_options = {
         "total_index": {"facecolor": "none", "edgecolor": "black", "linewidth": 0.6},
@@ -128,6 +135,7 @@ def _draw_indices(axes, indices: xr.Dataset):
     for name, options in bar_options.items():
         values = indices[name].values
         low, high = indices[f"{name}_interval"].values.T
+        # Lengths of error bars must not be negative, as rounding could make them.
         errors = np.clip([values - low, high - values], 0.0, None)
         options |= {"xerr": errors, "error_kw": {"lw": 0.6, "ecolor": "black"}}
         axes.barh(positions, values, height=0.7, **options)

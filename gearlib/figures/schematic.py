@@ -43,11 +43,11 @@ class Drawing(NamedTuple):
 
 
 def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
-    """Return the circles, lines and points of a train at a phase of the reference mesh, rad.
+    """Return the circles, lines and points of a gear train, turned to a phase of its motion.
 
-    `layout` is a result of `GearTrain.layout`. It has the positions, m, of bodies and meshes at
-    phase 0, and angles of rotation per phase: body_turns of each body, and frame_turns, by which
-    all axes turn about the first one.
+    `phase` is the phase of the reference mesh, rad. `layout` is a result of `GearTrain.layout`. It
+    has the positions, m, of bodies and meshes at phase 0, and angles of rotation per phase:
+    `body_turns` of each body, and `frame_turns`, by which all axes turn about the first one.
     """
     angle = float(layout.frame_turns) * phase
     # Positions are rows, which this matrix rotates by the angle when it stands on the right.
@@ -70,6 +70,7 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     for name, carrier in zip(position_of, map(str, layout.carried_by.values), strict=True):
         if carrier:
             arms.append((position_of[carrier], position_of[name]))
+    # Bodies on one shaft have the same number and position.
     shaft_positions = dict(zip(layout.shaft_line.values.tolist(), positions, strict=True))
     # Number 0 means that a body has no shaft.
     shafts = [position for number, position in shaft_positions.items() if number]
@@ -79,9 +80,11 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
 
 
 def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
-    """Return a dict: name of each body -> its circles, a list of (radius in m, kind of `CIRCLES`).
+    """Return a dict: name of each body -> its circles, a list of (radius in m, kind).
 
-    A gear has a pitch circle for each of its meshes, equal circles once. Carriers have no circles.
+    `layout` is a result of `GearTrain.layout`. The kind is "gear", "ring" (ring gear) or "rotor"
+    (body without mesh). A gear has a pitch circle for each of its meshes, equal circles once.
+    Carriers have no circles.
     """
     circles = {str(name): {} for name in layout.body.values}
     for names, pitch_radii in zip(layout.mesh_gear.values, layout.pitch_radius.values, strict=True):
@@ -98,11 +101,12 @@ def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
 
 
 def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, title=()):
-    """Draw a train in axes at a phase (rad) of the reference mesh.
+    """Draw a gear train in axes at a phase (rad) of the reference mesh.
 
     `layout` is a result of `GearTrain.layout`. `colours` maps mesh names to colours; with None they
-    come from `style.curve_styles`. `contact` has the contact code of each mesh, 1, 0 or -1; with
-    None all meshes are drawn in contact. `title` has the first lines of the title.
+    come from `style.curve_styles`. `contact` has the contact code of each mesh, 1 (drive side), 0
+    (no contact) or -1 (coast side); with None all meshes are drawn in contact. `title` has the
+    first lines of the title.
     """
     drawing = create_drawing(layout, phase)
     for ends in drawing.arms:
@@ -134,9 +138,10 @@ def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, 
 
 
 def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[str]):
-    """Write mesh names left and right of a train, with a line from each name to its pitch point.
+    """Write mesh names left and right of a gear train, with a line from each to its pitch point.
 
     `points` are the pitch points, shape (meshes, 2); `names` and `colours` have an entry per mesh.
+    A name is written on the side on which its pitch point lies.
     """
     (left, right), y_limits = axes.get_xlim(), axes.get_ylim()
     axes.autoscale(enable=False)
@@ -144,7 +149,8 @@ def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[
     columns = (left, (-2, 0), "right center", is_left), (right, (2, 0), "left center", ~is_left)
     for x, offset, anchor, mask in columns:
         meshes = [i for i in np.argsort(points[:, 1], kind="stable") if mask[i]]
-        # Names stand at the middles of equal parts of the height, in the order of the points.
+        # Names stand at the middles of equal parts of the height, in the order of the points, so
+        # that neither names nor lines cross.
         heights = np.linspace(*y_limits, 2 * len(meshes) + 1)[1::2]
         for i, y in zip(meshes, heights, strict=True):
             line, colour = np.array([points[i], (x, y)]), colours[i]
@@ -155,8 +161,10 @@ def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[
 def text_lines(layout: xr.Dataset, codes: list[int]) -> list[str]:
     """Return text lines that explain contact markers and report inconsistent positions.
 
-    `codes` are the contact codes of the meshes, keys of `CONTACTS`. The variable misfit of `layout`
-    is the largest difference, m, between positions of one axis by different meshes and shafts.
+    `codes` are the contact codes of the meshes (1 drive side, 0 no contact, -1 coast side), of
+    which the last two need an explanation. The variable misfit of `layout`, a result of
+    `GearTrain.layout`, is the largest difference, m, between positions of one axis that follow from
+    different meshes and shafts.
     """
     lines = [text for code, (_, _, text) in CONTACTS.items() if text and code in codes]
     misfit = float(layout.misfit)
@@ -167,9 +175,10 @@ def text_lines(layout: xr.Dataset, codes: list[int]) -> list[str]:
 
 
 def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
-    """Return a phase, rad, and the contact codes of all meshes at this phase.
+    """Return a phase, rad, and the contact codes of all meshes at this phase, as a pair.
 
-    `run` is a recorded run or a static equilibrium; with None the codes are None. By default the
+    Codes are 1 (drive side), 0 (no contact) and -1 (coast side). `run` is a recorded run or a
+    static equilibrium of the train with this `layout`; with None the codes are None. By default the
     phase is the first one of the record, or 0 without a run. Raise ValueError if the phase is
     outside the record, the run has failed, or its meshes are not the meshes of `layout`.
     """
@@ -193,8 +202,8 @@ def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
 def draw_beside(axes: Axes, train, run=None) -> Axes:
     """Draw a `GearTrain` on the right of axes that fill a figure; return these axes.
 
-    The figure becomes wider. If `run` is given and has not failed, the markers of the meshes show
-    their contact at its first recorded phase.
+    The figure becomes wider. If `run` is given and has not failed (`status` 0), the markers of the
+    meshes show their contact at its first recorded phase.
     """
     grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _RELATIVE_WIDTH, _RELATIVE_WIDTH))
     axes.set_subplotspec(grid[0])
@@ -208,7 +217,7 @@ def draw_beside(axes: Axes, train, run=None) -> Axes:
 
 
 def draw_train(figure: Figure, data: xr.Dataset, colours=None, below=False) -> Figure | SubFigure:
-    """Draw the train of a dataset in the right part of a figure; return the remaining area.
+    """Draw the gear train of a dataset on the right of a figure; return the area that remains.
 
     With `below` the figure becomes higher, and the train is drawn below the remaining area. Nothing
     is drawn if `data` lacks the variables of `GearTrain.layout`. `colours` maps mesh names to

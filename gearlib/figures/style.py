@@ -97,7 +97,11 @@ class CurveStyle:
 
 @contextmanager
 def styled():
-    """Apply the library's matplotlib settings inside a `with` block or a decorated function."""
+    """Apply the matplotlib settings `_RC` inside a `with` block or a decorated function.
+
+    Afterwards all previous settings are restored, except that matplotlib stays interactive if it
+    has become so inside.
+    """
     with matplotlib.style.context(["default", _RC]):
         yield
         interactive = matplotlib.is_interactive()
@@ -108,8 +112,8 @@ def styled():
 def curve_styles(names, colours: dict | None = None) -> dict[Any, CurveStyle]:
     """Return a dict: name of each curve -> its `CurveStyle` (colour, line style, marker).
 
-    `colours` maps some of the names to colours. Each other curve gets its own colour, however many
-    there are, and never the colour of a kind of motion.
+    `colours` maps some of the names to colours. Every other curve gets a colour of its own. It is
+    never a colour that stands for a kind of motion, such as chaotic motion.
     """
     colours = colours or {}
     free_colours = colours_of.of_categories(colours.values())
@@ -121,7 +125,7 @@ def curve_styles(names, colours: dict | None = None) -> dict[Any, CurveStyle]:
 
 
 def typeset_dampings(name: str) -> str:
-    """Return a text with the symbols of damping models, k1 and k1m, typeset as LaTeX math."""
+    """Return `name` with the damping coefficients k1 and k1m typeset as LaTeX math."""
     return re.sub(r"\bk1(m?)\b", lambda match: f"$k_{{1{match[1]}}}$", name).replace("+", " + ")
 
 
@@ -131,12 +135,12 @@ def is_given(number: float) -> bool:
 
 
 def number_texts(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[str]:
-    """Return numbers as texts, with enough digits that different numbers have different texts.
+    """Return numbers as strings, with enough digits that different numbers have different strings.
 
-    A number that a user wrote, see `is_given`, has all its digits, and at least `decimals` digits
-    after the point. A computed number is formatted with `digits` and the format character `form`,
-    "g" or "f", or with more digits if texts would be equal. Numbers that agree in ten significant
-    digits count as equal.
+    A number that a user wrote, which has few digits, keeps all of them, and gets at least
+    `decimals` digits after the point. A computed number is formatted with `digits` digits and the
+    format character `form`, "g" or "f", or with more digits if strings would be equal. Numbers that
+    agree in ten significant digits count as equal.
     """
     numbers = np.ravel(numbers).tolist()
     full_texts = [f"{number:.{_GIVEN_DIGITS}g}" for number in numbers]
@@ -153,9 +157,9 @@ def number_texts(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[str
 
 
 def _with_decimals(text: str, decimals: int) -> str:
-    """Return the text of a number, extended by zeros to at least `decimals` decimal places.
+    """Return the string of a number, extended by zeros to at least `decimals` decimal places.
 
-    Texts with an exponent, and "inf" and "nan", are returned unchanged.
+    Strings with an exponent, and "inf" and "nan", are returned unchanged.
     """
     whole, _, fraction = text.partition(".")
     if not decimals or re.search("[a-z]", text):
@@ -164,7 +168,7 @@ def _with_decimals(text: str, decimals: int) -> str:
 
 
 def length_unit(length: float) -> tuple[float, str]:
-    """Return the most readable unit for a length in m, "m" to "nm", as (size in m, name)."""
+    """Return the most readable unit, from m to nm, for a length in m, as (size in m, name)."""
     for size, name in _LENGTH_UNITS:
         if length >= size:
             return size, name
@@ -182,9 +186,10 @@ def readable_unit(unit: str, *values: ArrayLike) -> tuple[float, str]:
 
 
 def draw_solid_and_dotted(axes: Axes, x: ArrayLike, y: ArrayLike, is_dotted, **options):
-    """Draw y over x, dotted where the mask `is_dotted` is true.
+    """Draw y over x as a solid line, which is dotted where the mask `is_dotted` is true.
 
-    `options` are passed to `Axes.plot`; only one of both lines gets the label.
+    `options` are passed to `Axes.plot`. If both kinds of line occur, only the solid one gets the
+    label, so that the legend has one entry.
     """
     for mask, dashes in ((~is_dotted, "-"), (is_dotted, ":")):
         if mask.any():
@@ -195,10 +200,10 @@ def draw_solid_and_dotted(axes: Axes, x: ArrayLike, y: ArrayLike, is_dotted, **o
 def shade_lost_contact(axes: Axes, backlash: float, direction: str) -> dict[str, tuple]:
     """Shade the displacements without drive-side contact; return the visible ranges by area.
 
-    The keys of the returned dict are "drive-side contact", "no contact" and "coast-side contact" as
-    far as visible, its values ranges (lower, upper) of displacement. `direction` is the axis of
-    displacement, "x" or "y", whose limits must be set; `backlash` is in static deflections and may
-    be infinite.
+    `direction` is the axis of displacement, "x" or "y", whose limits must be set. `backlash` is in
+    static deflections and may be infinite. The returned dict has the visible ones of the keys
+    "drive-side contact", "no contact" and "coast-side contact", each with its range (lower, upper)
+    of displacement.
     """
     lower, upper = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
     # Drive-side contact is above 0, coast-side contact below -backlash.
@@ -216,7 +221,8 @@ def shade_lost_contact(axes: Axes, backlash: float, direction: str) -> dict[str,
 def second_scale(axes: Axes, factor: float, label: str, side="top", position: float | None = None):
     """Add a labelled scale on the "top" or "right" side, which shows axis values times `factor`.
 
-    `position` is in axes coordinates; by default the scale is on the frame.
+    `position` is in axes coordinates (1 at the frame, more outside); by default the scale is on the
+    frame.
     """
     forward_and_inverse = (lambda value: value * factor), (lambda value: value / factor)
     if side == "top":
@@ -226,7 +232,7 @@ def second_scale(axes: Axes, factor: float, label: str, side="top", position: fl
 
 
 def length_scale(axes: Axes, deflection: float, label: str, side="right"):
-    """Add a scale in m, mm, µm or nm to an axis in static deflections.
+    """Add a scale in m, mm, µm or nm for displacements that an axis shows in static deflections.
 
     `deflection` is the static deflection, m. The unit is appended to the `label`.
     """
@@ -240,7 +246,10 @@ def page_figure(height: float, relative_width=1.0) -> Figure:
 
 
 def panel_figure(count: int, height: float, max_columns=2) -> tuple[Figure, list[Axes]]:
-    """Return a figure with `count` axes, each `height` inches high, and the list of these axes."""
+    """Return a figure with `count` axes, each `height` inches high, and the list of these axes.
+
+    It is narrower than a page if the axes fill fewer than `max_columns` columns.
+    """
     columns = min(count, max_columns)
     rows = math.ceil(count / columns)
     figure = page_figure(height * rows, columns / max_columns)
@@ -255,7 +264,8 @@ def legend_entry(label, colour="black", line="-", marker: str | None = None, **o
 def legend(figure: FigureBase, handles: list | Axes, columns: int, side="lower", **options):
     """Add a legend with `columns` columns below all panels, or above them if `side` is "upper".
 
-    `handles` are lines and patches with labels, or the axes to take them from.
+    `handles` are lines and patches with labels, or the axes to take them from. `options` are passed
+    to `Figure.legend`.
     """
     if isinstance(handles, Axes):
         handles = handles.get_legend_handles_labels()[0]
@@ -278,7 +288,7 @@ def draw_markers(axes: Axes, x: ArrayLike, y: ArrayLike, marker, colour, size, *
 
 
 def white_box(padding: float, opacity: float | None = None) -> dict:
-    """Return the argument `bbox` of a text in a white box; `padding` is in text heights.
+    """Return the argument `bbox` that puts a text into a white box; `padding` is in text heights.
 
     `opacity` is from 0 to 1, by default 1.
     """
@@ -288,8 +298,9 @@ def white_box(padding: float, opacity: float | None = None) -> dict:
 def annotate(axes, text, point, offset=None, anchor="left center", coords="data", **options):
     """Write a small text at `point`, or at an `offset` (x, y) from it in points of 1/72 inch.
 
-    `anchor` is the horizontal and vertical alignment, such as "left center". `coords` is the
-    argument `xycoords` of `Axes.annotate`, to which other `options` are passed.
+    `anchor` is the horizontal and vertical alignment, such as "left center". `coords` are the
+    coordinates of `point`, "data" or another value of `xycoords` in `Axes.annotate`, to which other
+    `options` are passed.
     """
     ha, va = anchor.split()
     if offset:
@@ -301,8 +312,8 @@ def limits(*values: ArrayLike, margin=0.05) -> tuple[float, float]:
     """Return axis limits (lower, upper) around the finite values of arrays.
 
     `margin` is the space on either side, relative to the span of the values. The span counts as at
-    least `MIN_RELATIVE_SPAN` times the largest magnitude. Without nonzero finite values the limits
-    are (-1, 1).
+    least `MIN_RELATIVE_SPAN` times the largest magnitude, so that rounding errors do not fill the
+    axis. If there are no finite values, or all are zero, the limits are (-1, 1).
     """
     finite_values = np.concatenate([np.ravel(array) for array in values])
     finite_values = finite_values[np.isfinite(finite_values)]
@@ -324,18 +335,21 @@ def _widen_limits(axes: Axes):
 
 
 def note_absent(figure: Figure, methods: list[str]):
-    """Write above a figure which `methods` it lacks because their packages are not installed.
+    """Write above a figure which `methods` of integration it lacks, because packages are missing.
 
     The command `make peers`, which the note names, installs these packages.
     """
     if methods:
         text = f"not installed, left out: {', '.join(methods)} (make peers)"
-        # Legends lie below the panels.
+        # The note is above the panels, because legends lie below them.
         figure.suptitle(text, fontsize=6, x=0.99, ha="right")
 
 
 def name_gears(figure: Figure, name: str):
-    """Write the name of the gears below a figure, whose height grows by these lines."""
+    """Write the name of the gears below a figure, which becomes higher to make room for it.
+
+    A long name is wrapped into several lines.
+    """
     width, height = figure.get_size_inches()
     lines = textwrap.wrap(name, int(_CHARACTERS_PER_INCH * width)) or [""]
     added_height = _GEARS_LINE_HEIGHT * (1.0 + 0.6 * (len(lines) - 1))
@@ -350,7 +364,7 @@ def name_gears(figure: Figure, name: str):
 
 
 def _freeze(figure: Figure):
-    """Run the layout of a figure once, and fix all positions with rounded values.
+    """Run the layout of a figure once, and fix the positions of its axes and texts, rounded.
 
     The last digits of the layout's solver differ between processes; without rounding they would
     change some pixels of the files.
@@ -375,7 +389,7 @@ def _freeze(figure: Figure):
 
 
 def save(figure: Figure, path: str | Path):
-    """Write a figure to a .png, .pdf or .svg file in one atomic step.
+    """Write a figure to a .png, .pdf or .svg file, which is replaced in one step when complete.
 
     Raise ValueError if `path` has another suffix.
     """

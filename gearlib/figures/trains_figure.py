@@ -34,7 +34,8 @@ _MARKERS_ONLY = {"line": "none", "markersize": 3}
 def draw_sweep(curves: xr.Dataset):
     """Return a figure of force ratios and contact loss of all meshes of a train over the speed.
 
-    `curves` is a result of `gearlib.studies.trains.over_speed`.
+    The force ratio of a mesh is its largest over its static force. `curves` is a result of
+    `gearlib.studies.trains.over_speed`. The train is drawn beside the curves.
     """
     figure = style.page_figure(height=5.2)
     styles = _with_decreasing_widths(panels.plot_options(curves.mesh))
@@ -51,9 +52,12 @@ def draw_sweep(curves: xr.Dataset):
 
 @style.styled()
 def draw_reducer(characteristics: xr.Dataset):
-    """Return a figure of force ratios and load sharing of a reducer, with a column for each case.
+    """Return a figure of force ratios and load sharing in a reducer, with a column for each case.
 
-    `characteristics` is a result of `gearlib.studies.trains.reducer`.
+    `characteristics` is a result of `gearlib.studies.trains.reducer`, a train whose parallel
+    branches, of two stages each, share the power. The force ratio of a mesh is its largest over its
+    static force; load sharing is its force over the mean force of the branches. Colours show
+    branches. Curves are over the tuning (mesh frequency over natural frequency).
     """
     figure = style.page_figure(height=6.8)
     meshes, mesh_branches = characteristics.mesh.values, characteristics.mesh_branch.values
@@ -101,9 +105,10 @@ def _with_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
 
 
 def _common_entries() -> list:
-    """Return the legend handles that the figures of all trains share.
+    """Return the legend handles that the figures of all gear trains share.
 
-    A marker shows where a sweep up or down lies outside the range over all initial states.
+    They explain markers (motions of sweeps up and down that lie outside the range over all initial
+    states), the shade of this range, and the lowest row of panels.
     """
     options = {"mfc": "none", **_MARKERS_ONLY}
     handles = []
@@ -117,12 +122,12 @@ def _common_entries() -> list:
 
 
 def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -> np.ndarray:
-    """Draw a column of panels for each case; return the array of axes.
+    """Draw a column of panels for each case of a gear train; return the array of axes.
 
-    `x` is the name of the variable on the horizontal axes, "speed" or "tuning". `rows` has a pair
-    for each row: a variable name, and a dict with the plot options of each mesh. The additional
-    last row shows the share of initial states whose motion settles, and the share that reaches the
-    most frequent orbit.
+    `x` is the name of the variable on the horizontal axes, "speed" or "tuning" (mesh frequency over
+    natural frequency). `rows` has a pair for each row: a variable name, and a dict with the plot
+    options of each mesh. An additional last row shows the share of initial states whose motion
+    becomes periodic, and the share that reaches the most frequent orbit.
     """
     height_ratios = [1.0] * len(rows) + [_SHARE_HEIGHT_RATIO]
     options = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": height_ratios}
@@ -145,8 +150,8 @@ def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -
 def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, dict]):
     """Draw the variable `name` of all meshes over the variable `x`, and ranges over initial states.
 
-    Lines show motions from rest. Markers show sweeps up and down where they lie outside the range.
-    `styles` has the plot options of each mesh by name.
+    Lines show motions from rest (direction "cold"). Markers show sweeps up and down where they lie
+    outside the range. `styles` has the plot options of each mesh by name.
     """
     from_rest = case.sel(direction="cold")
     panels.draw_curves(axes, from_rest, x, name, colour="mesh", styles=styles)
@@ -166,10 +171,11 @@ def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, di
 
 
 def _mark_single_branches(axes, case: xr.Dataset):
-    """Mark tunings at which only one branch loses contact, or only one has coast-side contact.
+    """Mark tunings at which only one branch of a reducer loses contact, or strikes its coast side.
 
-    The variables of `case` are the fractions of initial states from which this happens in a branch,
-    stored under the direction "cold". A tuning is marked if the fraction is 1.
+    Branches are the parallel paths of power; the tuning is the mesh frequency over the natural
+    frequency. The variables of `case` are fractions of the initial states from which this happens
+    in a branch, stored under the direction "cold". A tuning is marked if the fraction is 1.
     """
     styles = style.curve_styles(case.branch.values.tolist())
     for name, (height, marker, _) in _SINGLE_BRANCH_MARKERS.items():
@@ -189,11 +195,12 @@ _INTERSECTIONS = {True: ("excited", "black", 3.5), False: ("not excited", "white
 
 @style.styled()
 def draw_campbell(diagram: xr.Dataset):
-    """Return a Campbell diagram over the speed of the reference pinion, with the train beside it.
+    """Return a Campbell diagram (natural and mesh frequencies over speed) of a gear train.
 
-    `diagram` is a result of `gearlib.studies.trains.campbell`; mesh_rate is the ratio of each mesh
-    frequency to the frequency of the reference mesh. Speeds at which a mesh loses contact in a
-    sweep are marked behind the line of its mesh frequency.
+    `diagram` is a result of `gearlib.studies.trains.campbell`; `mesh_rate` is the ratio of each
+    mesh frequency to the frequency of the reference mesh. Speeds at which a mesh loses contact in a
+    sweep are marked by a broad line behind its mesh frequency. The train is drawn beside the
+    diagram.
     """
     figure = style.page_figure(height=4.2)
     # `draw_train` draws the train and returns the rest of the figure.
@@ -202,6 +209,7 @@ def draw_campbell(diagram: xr.Dataset):
     handles = draw_orders(axes, diagram, speed[-1])
     # The suffix "high" means the largest value over several initial states.
     loses_contact = diagram.contact_loss_fraction_high.max("direction") > FRACTION_TOLERANCE
+    # A marked speed stands for the interval of one step of the sweep.
     half_step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
     for mesh in diagram.mesh.values:
         relative_frequency = float(diagram.mesh_rate.sel(mesh=mesh))
@@ -218,17 +226,23 @@ def draw_campbell(diagram: xr.Dataset):
 
 
 def mesh_frequency_per_speed(diagram: xr.Dataset) -> float:
-    """Return the frequency of the reference mesh at 1 rpm of its pinion, in kHz."""
+    """Return the frequency of the reference mesh at 1 rpm of its pinion, in kHz.
+
+    At a critical speed, the natural frequency equals an order times the mesh frequency, so that the
+    first mode and the first order suffice.
+    """
     order = float(diagram.stiffness_order[0])
+    # The factor 1e-3 converts Hz to kHz.
     return 1e-3 * float(diagram.natural_frequency[0] / diagram.critical_speed[0, 0]) / order
 
 
 def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
-    """Draw natural frequencies, mesh orders and their intersections; return legend handles.
+    """Draw natural frequencies, lines of mesh frequencies and their intersections over the speed.
 
-    `diagram` is a result of `gearlib.studies.trains.campbell` or `GearTrain.campbell`; `stop` is
-    the upper limit of the speed, rpm. An order is the ratio of a frequency to the frequency of the
-    reference mesh. Multiples of mesh frequencies are dashed.
+    Return legend handles. `diagram` is a result of `gearlib.studies.trains.campbell` or
+    `GearTrain.campbell`; `stop` is the upper limit of the speed, rpm. An order is the ratio of an
+    exciting frequency to the frequency of the reference mesh. Mesh frequencies are solid, their
+    multiples dashed lines. Filled circles are intersections at which the meshes excite the mode.
     """
     frequency_per_speed = mesh_frequency_per_speed(diagram)
     natural_frequencies = 1e-3 * diagram.natural_frequency.values
