@@ -19,8 +19,8 @@ _MAX_LABELS = 10
 def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitude") -> Axes:
     """Draw order spectra: amplitudes over the orders, with labels at tooth-passing harmonics.
 
-    An order is the ratio of a frequency to the frequency of the shaft.
-    The mean (order 0) and amplitudes below a millionth of the largest one are left out.
+    An order is the ratio of a frequency to the frequency of the shaft. The mean (order 0) and
+    amplitudes below a millionth of the largest one are left out.
 
     Parameters
     ----------
