@@ -291,7 +291,10 @@ def _samples(data: xr.Dataset, variable: str) -> tuple:
 
 
 def _require_no_infinity(name: str, values: np.ndarray) -> None:
-    """Raise ValueError with the first infinite value of the variable `name`; NaN is allowed."""
+    """Raise ValueError if a value of the variable `name` is infinite.
+
+    NaN, a missing sample, is allowed. The message gives the index of the first infinite value.
+    """
     infinite = np.flatnonzero(np.isinf(values))
     if infinite.size:
         i = int(infinite[0])

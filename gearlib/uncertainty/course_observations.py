@@ -166,7 +166,10 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
     channel = _order_channel("time history", data.displacement, *measured_orders)
 
     def predict(model: Any) -> Prediction:
-        """Sweep the model to the measured speed and return the mesh orders of its orbit there."""
+        """Sweep the model to the measured speed and return the mesh orders of its orbit there.
+
+        The `Prediction` also has the largest displacement into the backlash.
+        """
         # The tuning is the speed relative to the resonance speed.
         tuning = speed / float(model.speed(1.0))
         # If several motions exist, the direction of the sweep decides which one it reaches.
@@ -234,7 +237,11 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         channels.append(Channel("jumps", jump_speeds, speed_stds, noise_known, shares_weight=True))
 
     def predict(model: Any) -> Prediction:
-        """Run the model up; return the mesh orders of compared revolutions and the jump speeds."""
+        """Run the model along the measured speed course and predict the measured values.
+
+        These are the mesh orders of the compared revolutions and the speeds of the jumps, with the
+        largest displacement into the backlash. Raise `NoOrbit` if the run fails.
+        """
         settings = {"samples_per_period": _RUN_UP_SAMPLES_PER_PERIOD, **options}
         run = run_up(model, speed=course, **settings)
         if int(run.status):

@@ -169,7 +169,10 @@ def _speed_observation(speeds: dict) -> Observation:
     deviations = np.where(noise > 0.0, noise, _ASSUMED_SPEED_NOISE * values)
 
     def predict(model: Any) -> Prediction:
-        """Return the speeds of a model, NaN if missing; its backlash excursion is taken as 0."""
+        """Return the speeds of jumps and onset of a model, NaN if it does not have them.
+
+        The displacement into the backlash is not computed and set to 0.
+        """
         predicted = observation.resonance_speeds(model, measured)
         predicted_values = np.array([predicted.get(name, math.nan) for name in measured])
         return Prediction([predicted_values], backlash_excursion=0.0)

@@ -227,7 +227,11 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, li
     values = designs.values(points)
 
     def compute_sample(i: int) -> None:
-        """Store the results of sample i, or the reason why its model cannot be built."""
+        """Store the results of sample i, or the reason why its model cannot be built.
+
+        Nothing is stored after the time limit. Each call fills other rows of the arrays, so calls
+        may run in several threads.
+        """
         if limit.is_over():
             return
         try:

@@ -85,7 +85,10 @@ class Attractor:
 
     @property
     def sort_key(self) -> tuple:
-        """Key that sorts attractors by kind, period and displacement range, NaN last."""
+        """Key that sorts attractors by kind, period and displacement range.
+
+        An unknown range (NaN), as of unbounded motions, comes last.
+        """
         displacement_range = self.displacement_max - self.displacement_min
         if not np.isfinite(displacement_range):
             displacement_range = np.inf

@@ -172,8 +172,8 @@ def equation_sequence(equation: MeshEquation, guess: Any, tolerance: float) -> l
     """Return the mesh equations to be solved in turn, as a list of (equation, tolerance).
 
     The solution of each is the initial guess for the next one. The given `equation` and `tolerance`
-    come last. If `guess` is None, equations with strong additional damping come first: they
-    converge from any guess. The damping then decreases to zero. They have fewer harmonics.
+    come last. If `guess` is None, equations with strong additional damping and fewer harmonics come
+    first, because they also converge from a poor guess. The damping then decreases to zero.
     """
     if guess is not None:
         return [(equation, tolerance)]

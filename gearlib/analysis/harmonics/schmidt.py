@@ -366,7 +366,10 @@ def _resonant(equation: MeshEquation, force: Force) -> np.ndarray:
 
 
 def _norm(coefficients: np.ndarray) -> float:
-    """Return the root mean square over the period of a motion with harmonics 0 ... h."""
+    """Return the root mean square of a motion over its period, from its complex harmonics 0 ... h.
+
+    By Parseval's theorem it is the root of the sum of their squared magnitudes.
+    """
     squares = np.abs(coefficients) ** 2
     # Harmonics above the mean also represent their complex conjugates.
     return float(np.sqrt(2.0 * squares.sum() - squares[:1].sum()))

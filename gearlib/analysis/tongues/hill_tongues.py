@@ -110,7 +110,10 @@ def closing_damping_of_six_degrees(model: Any, tongue: Tongue) -> float:
         damped = with_damping(model, damping)
 
         def margin(tuning: float) -> float:
-            """Return a number that is positive if the motion at a tuning is unstable."""
+            """Return a number that is positive if steady contact is unstable at a tuning.
+
+            It is zero at the ends of the tongue.
+            """
             if tongue.multiplier:
                 return sign_inside * _characteristic(damped, tuning, tongue.multiplier)
             return _growth(damped, tuning) - _MIN_GROWTH
