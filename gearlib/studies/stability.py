@@ -38,12 +38,13 @@ CAUSES = ("none", "parametric instability", "forced response")
 
 
 def stability_chart(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
-    """Compute growth rates and tongues of a gear pair over tuning and each parameter of `PLANES`.
+    """Compute growth rates and instability tongues over tuning and each parameter of `PLANES`.
 
-    `settings` have damping_ratios (for each of which tongues are computed), least_stiffness_ratio
-    (lower limit of the stiffness ratio), and values (number of values of each parameter). In the
-    dataset, own_value is the value of each parameter for the undamped pair; closing_damping is the
-    damping ratio above which a tongue does not exist.
+    A tongue is an interval of tunings (mesh frequency over natural frequency) in which the motion
+    without contact loss is unstable. `settings` has the keys damping_ratios (for each of which
+    tongues are computed), least_stiffness_ratio (lower limit of the stiffness ratio), and values
+    (number of values of each parameter). In the dataset, own_value is the value of each parameter
+    for the undamped pair; closing_damping is the damping ratio above which a tongue does not exist.
     """
     model = pair.replace(material_damping=0.0)
     dampings, count = settings["damping_ratios"], settings["values"]
@@ -55,6 +56,7 @@ def stability_chart(pair: GearPair, tunings: Sequence[float], settings: dict) ->
         "contact_ratio": np.linspace(1.0, 2.0, count),
         "damping": np.linspace(0.0, max_damping or _DEFAULT_MAX_DAMPING, count),
     }
+    # Stiffness ratio and contact ratio are attributes of the pair; the damping is not.
     parameters = {name: getattr(model, name) for name in PLANES[:2]} | {"damping": dampings[0]}
     planes = []
     for plane, values in plane_values.items():
@@ -86,10 +88,11 @@ def _zero_width_points(
 ) -> dict[str, tuple[str, np.ndarray]]:
     """Return the points of the chart where undamped tongues have zero width, as variables.
 
-    A point has a plane (the parameter that is varied), the value of this parameter, and a tuning.
-    The stiffness ratio is varied at the contact ratio of the pair, the contact ratio at the
-    stiffness ratio of the pair. `orders` are the orders of the tongues; points with stiffness
-    ratios below `min_stiffness_ratio` are left out.
+    A tongue is an interval of unstable tunings (mesh frequency over natural frequency). A point has
+    a plane (the parameter that is varied), the value of this parameter, and a tuning. The stiffness
+    ratio is varied at the contact ratio of the pair, the contact ratio at its stiffness ratio.
+    `orders` are the numbers n of the tongues, which lie near the tunings 2 / n; points with
+    stiffness ratios below `min_stiffness_ratio` are left out.
     """
     points = []
     fixed_parameters = {"stiffness_ratio": "contact_ratio", "contact_ratio": "stiffness_ratio"}
@@ -109,13 +112,14 @@ def _zero_width_points(
 def contact_loss(
     pairs: dict[str, GearPair], tuning: float, start: float, stop: float, run: dict
 ) -> xr.Dataset:
-    """Compute the tongues of gear pairs with different dampings, and why they lose contact.
+    """Compute instability tongues of gear pairs with different damping, and why contact is lost.
 
-    `pairs` maps the name of a damping to a pair. At `tuning` (variable "asked") contact is lost
-    either because the forced orbit of one mesh period has displacements below zero, or because
-    perturbations of this orbit grow in an instability tongue. Tongues are searched between the
-    tunings `start` and `stop`; `run` has periods and initial_state of the motion from rest. Edges
-    of closed tongues, and ends of contact loss outside the scan, are NaN.
+    `pairs` maps the name of a damping combination to a pair. At `tuning` (mesh frequency over
+    natural frequency, variable "asked") contact is lost either because the forced orbit of one mesh
+    period has displacements below zero, or because perturbations of this orbit grow in a tongue, an
+    interval of unstable tunings. Tongues are searched between the tunings `start` and `stop`; `run`
+    has the keys periods and initial_state of the motion from rest. Edges of closed tongues, and
+    ends of contact loss outside the scan, are NaN.
     """
     lower, upper = _TONGUE_RANGE
     start = max(search.MIN_TUNING, min(start, lower * tuning))
@@ -138,9 +142,12 @@ def contact_loss(
 
 
 def _contact_loss_data(pair: GearPair, tuning: float, tongues: xr.Dataset, run: dict) -> dict:
-    """Return the nearest tongue, growth rate, contact loss and its cause at a tuning, as variables.
+    """Return nearest tongue, growth rate, contact loss and its cause at a tuning, as variables.
 
-    `tongues` are the tongues of the gear pair; `run` has arguments of `gearlib.sweep`.
+    The tuning is mesh frequency over natural frequency. `tongues` has the intervals of unstable
+    tunings of the pair; the nearest of them contains the tuning, or its point of largest growth is
+    nearest. `run` has arguments of `gearlib.sweep`. The cause is a code: NONE, PARAMETRIC
+    (perturbations grow) or FORCED (the orbit itself loses contact).
     """
     is_inside = (tongues.tuning_from <= tuning) & (tuning <= tongues.tuning_to)
     distance = np.abs(tongues.growth_tuning - tuning).where(~is_inside, 0.0)
@@ -170,7 +177,8 @@ def _contact_loss_data(pair: GearPair, tuning: float, tongues: xr.Dataset, run: 
 def orbit_min(pair: GearPair, tuning: float) -> float:
     """Return the smallest displacement of the orbit that keeps contact, static deflections.
 
-    It is negative if the real pair, unlike the linear one, would lose contact on this orbit.
+    It is computed with a linear pair, which has no backlash. If it is negative, the real pair would
+    lose contact on this orbit. `tuning` is mesh frequency over natural frequency.
     """
     state, linear = meissner.orbit_state(pair, tuning), meissner.linear_pair(pair)
     curve = sweep(linear, [tuning], periods=1, record_periods=1, initial_state=state)
@@ -178,9 +186,10 @@ def orbit_min(pair: GearPair, tuning: float) -> float:
 
 
 def _loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
-    """Return whether motion from rest loses contact at a tuning, and the range of such tunings.
+    """Return whether the motion from rest loses contact at a tuning, and the range of such tunings.
 
-    `order` is the order of the nearest instability tongue (0: none), whose tunings are scanned;
+    The tuning is mesh frequency over natural frequency. `order` is the number n of the nearest
+    instability tongue, which lies near the tuning 2 / n and is scanned (0: there is no tongue);
     `run` has arguments of `gearlib.sweep`. An end of the range outside the scan is NaN.
     """
     lower = upper = tuning
@@ -190,6 +199,7 @@ def _loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
     margin = _REST_SCAN_WIDTHS * (upper - lower) + _MIN_REST_SCAN_MARGIN
     first_tuning, last_tuning = min(lower, tuning) - margin, max(upper, tuning) + margin
     scan = np.linspace(first_tuning, last_tuning, _REST_SCAN_TUNINGS)
+    # All periods are evaluated, since a transient loss of contact counts, too.
     curve = sweep(pair, scan, record_periods=run["periods"], **run)
     loses_contact = curve.displacement_min.values < -_DISPLACEMENT_TOLERANCE
     nearest = int(np.argmin(np.abs(scan - tuning)))
@@ -202,9 +212,10 @@ def _loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
 
 
 def _forced_loss_tuning(pair: GearPair, tuning: float) -> float:
-    """Return the lowest tuning, from `tuning` on, at which the forced orbit itself loses contact.
+    """Return the lowest tuning from `tuning` on at which the forced orbit itself loses contact.
 
-    It is NaN if there is none in the scan.
+    The tuning is mesh frequency over natural frequency. A scan brackets the zero of the smallest
+    displacement, which a root finder refines. Return NaN if no tuning of the scan has contact loss.
     """
     scan = np.linspace(tuning, tuning + _FORCED_SCAN_RANGE, _FORCED_SCAN_TUNINGS)
     losses = np.flatnonzero([orbit_min(pair, nu) < 0.0 for nu in scan])
@@ -217,11 +228,13 @@ def _forced_loss_tuning(pair: GearPair, tuning: float) -> float:
 
 
 def rows(tongues: xr.Dataset) -> Iterator[list]:
-    """Yield the rows of the table of causes: the names of the columns, then a row per damping.
+    """Yield the rows of the table of causes: the names of the columns, then one row per damping.
 
-    `tongues` is a dataset from `contact_loss` at the tuning "asked". orbit_min is the smallest
-    displacement of the forced orbit, loss_from and loss_to bound the tunings at which the motion
-    from rest loses contact, and forced_from is the lowest tuning at which the forced orbit does.
+    `tongues` is a dataset from `contact_loss` at the tuning "asked", mesh frequency over natural
+    frequency. orbit_min is the smallest displacement of the forced orbit, loss_from and loss_to
+    bound the tunings at which the motion from rest loses contact, and forced_from is the lowest
+    tuning at which the forced orbit does. growth_percent is the growth of perturbations per mesh
+    period.
     """
     tongue_names = ["tuning_from", "tuning_to", "closing_damping"]
     motion_names = ["orbit_min", "loss_from", "loss_to", "forced_from"]

@@ -20,22 +20,24 @@ _NOT_REACHED = {"period": np.int32(0), "status": np.int8(NO_START)}
 
 
 def over_speed_range(model: Any, points: int, start=None, stop=None, speed=None) -> xr.Dataset:
-    """Compute dynamic factor and transmission error over a range of speeds, see `over_speed`.
+    """Compute dynamic factor and transmission error of a load-sharing pair over a range of speeds.
 
     There are `points` speeds from `start` to `stop`, rpm, with the defaults of `speed_range`;
-    `speed` is the operating speed, rpm, or None.
+    `speed` is the operating speed, rpm, or None. Each run has 150 mesh periods, of which the last
+    10 are evaluated. The dataset is described in `over_speed`.
     """
     speeds = np.linspace(*speed_range(model, speed, start, stop), points)
     return over_speed(model, speeds, speed, periods=150, record_periods=10)
 
 
 def speed_range(model: Any, speed=None, start=None, stop=None) -> tuple[float, float]:
-    """Return the lowest and the highest speed in rpm.
+    """Return the lowest and the highest speed of a study, in rpm.
 
-    They are `start` and `stop`, unless these are None; by default they lie around the resonance
-    speed and include `speed`, the operating speed in rpm or None.
+    They are `start` and `stop`, unless these are None. The defaults are multiples (`SPEED_RANGE`)
+    of the resonance speed of `model`, extended to include `speed`, the operating speed in rpm or
+    None.
     """
-    resonance_speed = float(model.speed(1.0))
+    resonance_speed = float(model.speed(1.0))  # mesh frequency equals natural frequency
     if start is None:
         start = min(SPEED_RANGE[0] * resonance_speed, speed or math.inf)
     if stop is None:
@@ -76,7 +78,7 @@ def over_speed(
     scales = [*model.scales(), *model.speed_scales(1.0)]
 
     def sweep_in(direction: str) -> xr.Dataset:
-        """Return the sweep in a direction without its scales."""
+        """Return the sweep in a direction, "up" or "down", without its factors to SI units."""
         return sweep(model, speeds=speeds, direction=direction, **settings).drop_vars(scales)
 
     # The kernels release the interpreter lock, so both directions run at the same time.
@@ -112,12 +114,14 @@ def over_speed(
 
 
 def _jumps(data: xr.Dataset) -> np.ndarray:
-    """Return the ends, rpm, of the k intervals in which the sweeps up and down differ, (k, 2).
+    """Return the ends of the k intervals of speed in which the sweeps up and down differ, (k, 2).
 
-    An end is NaN if the interval continues beyond the speeds of the sweeps.
+    `data` has both sweeps along the dimension direction. The ends are speeds in rpm, lower one
+    first; an end is NaN if the interval continues beyond the speeds of the sweeps.
     """
     up, down = (data.sel(direction=name) for name in WARM_STARTED)
-    # Failed runs, or two motions that have not settled, are no evidence of two motions.
+    # Failed runs (status other than 0), or two motions that have not settled (period 0), are no
+    # evidence of two motions.
     known = (up.status == 0) & (down.status == 0) & ((up.period > 0) | (down.period > 0))
     intervals = true_intervals(~motions_agree(up, down) & known.values)
     # A motion jumps between two speeds of the sweep, or beyond the first or the last speed.

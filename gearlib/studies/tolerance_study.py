@@ -18,10 +18,10 @@ _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)
 
 
 def nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair | StageDesign:
-    """Return the design whose parameters scatter, a `GearPair` or gears given by geometry.
+    """Return the design whose parameters scatter: a `GearPair`, or gears given by their geometry.
 
-    `gears` has the geometry of two gears, their torque and stiffness method; their damping is that
-    of `pair`. If it is None, `pair` itself is returned.
+    `gears` has the keys of the geometry of two gears, torque (N m) and the stiffness method; their
+    damping is that of `pair`. If it is None, `pair` itself is returned.
     """
     if gears is None:
         return pair
@@ -39,12 +39,12 @@ def nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair | Stag
 def scatter_of_shard(
     *, pair: GearPair, tolerances: dict, samples: int, shard: str, threads, gears=None, **settings
 ) -> xr.Dataset:
-    """Compute a part of the random samples of `gearlib.scatter`.
+    """Compute a part (shard) of the random designs of `gearlib.scatter`.
 
-    `samples` is the number of all samples. `shard` is a string such as "0-100", the index of the
-    first sample of the part and the index after its last one. `pair` and `gears` are arguments of
-    `nominal_design`, `tolerances` maps parameters to their distributions, `settings` are further
-    arguments of `gearlib.scatter`.
+    `samples` is the number of all random designs. `shard` is a string such as "0-100", the index of
+    the first design of the part and the index after its last one. `pair` and `gears` are arguments
+    of `nominal_design`, `tolerances` maps parameters to their distributions, `threads` is the
+    number of threads, and `settings` are further arguments of `gearlib.scatter`.
     """
     start, stop = map(int, shard.split("-"))
     design = nominal_design(pair, gears)
@@ -54,10 +54,11 @@ def scatter_of_shard(
 def sobol_indices_of_design(
     *, pair: GearPair, tolerances: dict, samples: int, gears: dict | None = None, **settings: Any
 ) -> xr.Dataset:
-    """Compute the Sobol' indices of a design from a number of samples.
+    """Compute Sobol' indices, the shares of each tolerance in the variance of a result.
 
     `pair` and `gears` are arguments of `nominal_design`, `tolerances` maps parameters to their
-    distributions, `settings` are further arguments of `gearlib.sobol_indices`.
+    distributions. `samples` is the number of samples, a power of 2, each of which takes several
+    designs. `settings` are further arguments of `gearlib.sobol_indices`.
     """
     return sobol_indices(nominal_design(pair, gears), tolerances, n=samples, **settings)
 
@@ -65,8 +66,9 @@ def sobol_indices_of_design(
 def rows(scattered: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of scattering quantities: the names of the columns, then values.
 
-    `scattered` is a result of `gearlib.scatter`; each of its quantities has a row. The column found
-    is the number of designs that have the quantity.
+    `scattered` is a dataset of `gearlib.scatter` over random designs; each of its quantities has a
+    row with nominal value, mean, standard deviation and percentiles. The column "found" is the
+    number of designs that have the quantity (status 0), "samples" the number of all designs.
     """
     quantiles = [f"quantile_{percentile}" for percentile in _PERCENTILES]
     yield ["quantity", "unit", *_MOMENTS, *quantiles, "found", "samples"]

@@ -22,16 +22,17 @@ _QUANTITIES = ("load_sharing", "contact_loss_fraction")
 
 
 def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
-    """Return the paper's reducer as a `GearTrain`.
+    """Return the paper's reducer, whose branches share the power, as a `GearTrain`.
 
-    Its tuning refers to the natural frequency of the gear pair. `settings` are the keys of the
-    section ``reducer`` of the configuration, `changes` are further arguments of
-    `gearlib.split_power_reducer`.
+    Its tuning, the dimensionless mesh frequency, refers to the natural frequency of the gear pair.
+    `settings` has the keys teeth, modules, shaft_stiffness, support_stiffness and damping_ratio;
+    `changes` are further arguments of `gearlib.split_power_reducer`.
     """
     frequency = pair.mesh_frequency(1.0)
     names = ("teeth", "modules", "shaft_stiffness", "support_stiffness")
     arguments = {name: settings[name] for name in names} | {
         "branches": BRANCHES,
+        # Damping over stiffness (s) that gives the damping ratio at the natural frequency.
         "structural_damping": 2.0 * settings["damping_ratio"] / frequency,
         "reference_frequency": frequency / (2.0 * np.pi),
     }
@@ -41,10 +42,12 @@ def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
 def reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Compute force and contact of all meshes of the reducer over tuning, without and with errors.
 
-    `settings` have teeth, modules, shaft_stiffness, support_stiffness and damping_ratio of the
-    reducer, the keys of `many_starts.SETTINGS` for the random initial states, and the errors
-    pin_error (m, radial and tangential) and backlashes (m, of each branch). The cases are "alike"
-    (all branches are equal), "pin_error" (of the first branch) and "unequal_backlash".
+    The tuning is mesh frequency over natural frequency. `settings` has teeth, modules,
+    shaft_stiffness, support_stiffness and damping_ratio of the reducer; the keys of
+    `many_starts.SETTINGS` (number, seed and spread of random initial states, and mesh periods of
+    the runs); and the errors pin_error (m, radial and tangential) and backlashes (m, of each
+    branch). The cases are "alike" (all branches are equal), "pin_error" (misplaced axis of the
+    first branch) and "unequal_backlash".
     """
     tunings = np.asarray(tunings, float)
     backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
@@ -81,8 +84,8 @@ def _reducer_case(
 
     Of each branch, lost_alone_share is the fraction of initial states from which only this branch
     loses contact, struck_alone_share the fraction from which only this branch has coast-side
-    contact. `mesh_branches` has the branch number of each mesh, `settings` have the keys of
-    `many_starts.SETTINGS`.
+    contact. `mesh_branches` has the branch number of each mesh, `settings` the number, seed and
+    spread of initial states and the mesh periods of the runs (`many_starts.SETTINGS`).
     """
     quantities = train.force_ratio_name, *_QUANTITIES
     sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, quantities)
@@ -90,6 +93,7 @@ def _reducer_case(
     coast_contacts = [motion.fraction_coast.values > FRACTION_TOLERANCE for motion in motions]
     loss_fractions = [single_branch_fraction(loss, mesh_branches) for loss in losses]
     coast_fractions = [single_branch_fraction(contact, mesh_branches) for contact in coast_contacts]
+    # Ratios of largest to static force count only where all initial states end on one orbit.
     ratios = force_ratio(sweep).where(sweep.settled == 1)
     largest_index = ratios.fillna(-np.inf).argmax("tuning")
     largest_tuning = xr.DataArray(tunings, dims="tuning").isel(tuning=largest_index)
@@ -103,10 +107,11 @@ def _reducer_case(
 
 
 def single_branch_fraction(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.ndarray:
-    """Return the fraction of starts from which an event occurs in a single branch, by branch.
+    """Return the fraction of initial states from which an event occurs in just one branch.
 
-    The mask `occurs` has the shape (starts, tunings, meshes), `mesh_branches` has the branch number
-    of each mesh. The fractions have the shape (tunings, branches).
+    The mask `occurs`, shape (initial states, tunings, meshes), is true where the event occurs;
+    `mesh_branches` has the branch number of each mesh. The result, shape (tunings, branches), has
+    the fraction for each branch.
     """
     numbers = np.unique(mesh_branches)
     masks = [occurs[..., mesh_branches == number].any(axis=-1) for number in numbers]
@@ -117,10 +122,11 @@ def single_branch_fraction(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.
 def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of the reducer: the names of the columns, then their values.
 
-    `characteristics` are the sweeps from `reducer`; each case, direction and mesh has a row. The
-    last three columns list the tunings at which, from all initial states, only the branch of the
-    mesh loses contact; the tunings at which only this branch has coast-side contact
-    (far_flank_struck); and the tunings at which the motion does not settle.
+    `characteristics` are the sweeps from `reducer` over tuning (mesh frequency over natural
+    frequency); each case, direction and mesh has a row. The last three columns list tunings: those
+    at which, from all initial states, only the branch of the mesh loses contact; those at which
+    only this branch has coast-side contact (far_flank_struck); and those at which the motion does
+    not settle.
     """
     ratio_names = ["largest_peak_force_ratio", "at_tuning", "at_speed_rpm"]
     events = ("contact_lost", "far_flank_struck")
@@ -147,7 +153,9 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
 def over_speed(train: Any, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Compute force and contact of all meshes of a gear train over tuning.
 
-    `settings` has the keys of `many_starts.SETTINGS`.
+    The tuning is mesh frequency over natural frequency. `settings` has the keys of
+    `many_starts.SETTINGS`: starts, first_starts, seed and spread of random initial states, periods
+    and record_periods (numbers of computed and of evaluated mesh periods).
     """
     tunings = np.asarray(tunings, float)
     quantities = train.force_ratio_name, *_QUANTITIES
@@ -162,11 +170,12 @@ def over_speed(train: Any, tunings: Sequence[float], settings: dict) -> xr.Datas
 def campbell(characteristics, orders: int, pair=None, settings=None, train=None) -> xr.Dataset:
     """Compute the Campbell diagram of a train, and the speeds at which its meshes lose contact.
 
-    `characteristics` are the sweeps from `over_speed` with `train`, or from `reducer` with `pair`
-    and `settings`, of which the case of equal branches is used. `orders` is the highest multiple of
-    each mesh frequency. In the dataset, mesh_rate is the mesh frequency of each mesh divided by
-    that of the reference mesh, contact_loss_fraction_high the largest fraction of time without
-    contact over all initial states.
+    A Campbell diagram has the natural frequencies, and the speeds at which multiples of mesh
+    frequencies meet them. `characteristics` are the sweeps from `over_speed` with `train`, or from
+    `reducer` with `pair` and `settings`, of which the case of equal branches is used. `orders` is
+    the highest multiple of each mesh frequency. In the dataset, mesh_rate is the mesh frequency of
+    each mesh divided by that of the reference mesh, contact_loss_fraction_high the largest fraction
+    of time without contact over all initial states.
     """
     model = train or reducer_train(pair, settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
@@ -181,14 +190,15 @@ def campbell(characteristics, orders: int, pair=None, settings=None, train=None)
 def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of intersections in a Campbell diagram, ordered by speed.
 
-    `diagram` is a dataset from `campbell`. Intersections above the fastest speed of the sweep are
-    omitted; modes of equal frequency share a row.
+    `diagram` is a dataset from `campbell`. At an intersection a multiple of a mesh frequency equals
+    a natural frequency. Those above the fastest speed of the sweep are omitted; modes of equal
+    frequency share a row.
     """
     speeds = diagram.speed.values
     loss = diagram.contact_loss_fraction_high.values
     # A speed counts if contact is lost in any direction of the sweep and in any mesh.
     loses_contact = (loss > FRACTION_TOLERANCE).any(axis=(0, 2))
-    # Texts of a row -> (critical speed, whether the mode is excited).
+    # Strings of a row -> (critical speed, whether the mode is excited).
     intersections: dict[tuple, tuple[float, bool]] = {}
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:
@@ -202,10 +212,11 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     header = ["critical_speed_rpm", "order_over_first_mesh", "natural_frequency_hz", "mode_kind"]
     yield [*header, "excited", "contact_lost_at_the_nearest_speed_swept"]
     for texts, (speed, is_excited) in sorted(intersections.items(), key=lambda item: item[1][0]):
+        # Below the slowest speed of the sweep, contact loss is not known, so the cell is empty.
         contact_lost = "yes" if loses_contact[np.abs(speeds - speed).argmin()] else "no"
         yield [*texts, "yes" if is_excited else "no", contact_lost if speed >= speeds[0] else ""]
 
 
 def _whole_number(value: float) -> str:
-    """Return a value as a text without decimals, or with three digits if it is below 100."""
+    """Return a value as a string without decimals, or with three digits if it is below 100."""
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"

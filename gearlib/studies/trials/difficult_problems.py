@@ -68,17 +68,18 @@ _COMPARED_CONTACTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
 
 
 def _gear_pair(**changes: float) -> GearPair:
-    """Return the default gear pair with changed arguments of `GearPair.from_ratios`."""
+    """Return the paper's gear pair, rounded, with changed arguments of `GearPair.from_ratios`."""
     return GearPair.from_ratios(**(_RATIOS | {"backlash_ratio": 4.0} | changes))
 
 
 def _grazing(side: str, exponent: int) -> Problem:
-    """Return a problem whose motion reverses close to the displacement 0, where contact is lost.
+    """Return a problem whose motion reverses close to the flank line, displacement 0.
 
-    If `side` is "past", it reverses at -10^exponent static deflections, beyond the flank line; if
-    `side` is "short of", at +10^exponent.
+    Beyond the flank line, at displacements below 0, contact is lost. If `side` is "past", the
+    motion reverses at -10^exponent static deflections, beyond the line; if `side` is "short of", at
+    +10^exponent.
     """
-    tuning = 0.9
+    tuning = 0.9  # mesh frequency over natural frequency
     reversal_phase = 0.9  # rad, within the segment of high stiffness
     sign = {"past": -1.0, "short of": 1.0}[side]
     reversal_state = sign * 10.0**exponent, 0.0
@@ -94,8 +95,9 @@ def _grazing(side: str, exponent: int) -> Problem:
 def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
     """Return two problems, at a tuning inside an instability tongue and just beyond its edge.
 
-    They are called "tongue_<name>" and "edge_<name>". `centre` is the tuning inside the tongue, and
-    `periods` the number of mesh periods.
+    A tongue is an interval of tunings (mesh frequency over natural frequency) in which the motion
+    without contact loss is unstable. `centre` is a tuning inside it, `periods` the number of mesh
+    periods. The problems are called "tongue_<name>" and "edge_<name>".
     """
     model = _UNDAMPED_WITHOUT_COAST_SIDE
     problems = {}
@@ -107,6 +109,7 @@ def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
         (f"edge_{name}", beyond, f"beyond its edge, $\\nu$ = {beyond:.4f}"),
     ):
         displacement, velocity = meissner.orbit_state(model, tuning)
+        # The motion starts beside the orbit; the growth of this deviation is compared.
         start = displacement + _PERTURBATION, velocity
         settings = {"periods": periods, "record_periods": 1, "quantity": "deviation"}
         settings |= {"tolerance": 1e-2, "orbit": (displacement, velocity)}
@@ -189,9 +192,10 @@ def _state_problems() -> dict[str, Problem]:
 
 
 def problems() -> dict[str, Problem]:
-    """Return all problems, as name -> `Problem`.
+    """Return all difficult problems, as name -> `Problem`.
 
-    Orbits jump at a tuning of 0.8157; 2 and 0.6614 lie in tongues; the motion at 0.52 is chaotic.
+    The orbits of the paper's pair jump at a tuning (mesh frequency over natural frequency) of
+    0.8157. Tunings of 2 and 0.6614 lie in instability tongues; the motion at 0.52 is chaotic.
     """
     bounce = Problem("a bounce of 2e-8 rad", _UNDAMPED, 1.0, (0.0, -1e-8), **_COMPARED_CONTACTS)
     # The extrema of the last 24 mesh periods are compared.

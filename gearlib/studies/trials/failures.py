@@ -81,9 +81,10 @@ class Outcome(NamedTuple):
 
 
 def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
-    """Return the `Outcome` of a result of `gearlib.simulate`.
+    """Return the `Outcome`, the quantities that are compared, of a result of `gearlib.simulate`.
 
-    Fractions and bounces of gear trains are means over the meshes.
+    `model` is the simulated model. Fractions of time and bounces of gear trains are means over the
+    meshes. A run that stopped early has only a status.
     """
     if int(run.status) != status.OK:
         return Outcome(int(run.status))
@@ -93,7 +94,7 @@ def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
         # Simultaneous events of several meshes have no order in time.
         order = np.argsort(run.event_mesh.values, kind="stable")
         contacts = [codes[order] for codes in (run.event_mesh.values, *contacts)]
-        state = model.reduction()[0] @ state
+        state = model.reduction()[0] @ state  # without rigid-body rotation
     names = ("fraction_drive", "contact_loss_fraction", "fraction_coast")
     return Outcome(
         status=status.OK,
@@ -109,9 +110,10 @@ def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
 
 
 def _distance(tuning: float, state: ArrayLike, other: ArrayLike) -> float:
-    """Return the largest difference of displacements, or of velocities times tuning, of two states.
+    """Return the distance of two states, their largest difference in any coordinate.
 
-    A state has all displacements, then all velocities.
+    A state has all displacements, then all velocities. Differences of velocities, derivatives with
+    respect to the mesh phase, are multiplied by the tuning (mesh frequency over natural frequency).
     """
     difference = np.abs(np.subtract(state, other))
     displacements, velocities = np.split(difference, 2)
@@ -119,7 +121,10 @@ def _distance(tuning: float, state: ArrayLike, other: ArrayLike) -> float:
 
 
 def wrong_contacts(contacts: Sequence, expected: Sequence) -> int:
-    """Return the number of contact events that are missing, spurious or out of order."""
+    """Return the number of contact events that are missing, spurious or out of order.
+
+    Both arguments are sequences of events, each with the contact codes before and after it.
+    """
     differing = sum(a != b for a, b in zip(contacts, expected, strict=False))
     return differing + abs(len(contacts) - len(expected))
 
@@ -127,17 +132,23 @@ def wrong_contacts(contacts: Sequence, expected: Sequence) -> int:
 def energy_or_deviation(problem: Problem, outcome: Outcome) -> float:
     """Return the energy of the final state, or its distance from the orbit without contact loss.
 
-    The quantity is the one that the problem compares; a method must not increase it.
+    The quantity is the one that the problem compares, "energy" or "deviation". It must not grow
+    beyond that of the reference; growth is an error of the method.
     """
     if problem.quantity == "energy":
-        # The stiffness is constant: equilibrium is at 1, the natural frequency is 1 / nu.
+        # The stiffness is constant: equilibrium is at 1, the natural frequency is 1 / tuning.
         displacement, velocity = outcome.state
         return 0.5 * ((displacement - 1.0) ** 2 + (problem.tuning * velocity) ** 2)
     return _distance(problem.tuning, outcome.state, problem.orbit)
 
 
 def error(problem: Problem, outcome: Outcome, reference: Outcome) -> float:
-    """Return the error of a completed run in the quantity that its problem compares."""
+    """Return the error of a completed run in the quantity that its problem compares.
+
+    `outcome` is the run of the method under test, `reference` the accurate one. The quantities
+    "contacts", "fractions", "energy", "deviation", "orbit" (extrema) and "state" are those of
+    `Problem.quantity`.
+    """
     match problem.quantity:
         case "contacts":
             return float(wrong_contacts(outcome.contacts, reference.contacts))
@@ -149,12 +160,17 @@ def error(problem: Problem, outcome: Outcome, reference: Outcome) -> float:
         case "orbit":
             differences = outcome.low - reference.low, outcome.high - reference.high
             return max(map(abs, differences)) / reference.height
+    # The remaining quantity is "state".
     distance = _distance(problem.tuning, outcome.state, reference.state)
     return distance / max(1.0, reference.height)
 
 
 def _is_other_attractor(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
-    """Return whether a run has settled on another motion than the reference."""
+    """Return whether a run has settled on another motion than the reference.
+
+    Its period differs, or fractions of time, bounces or the height differ by more than
+    `MIN_ATTRACTOR_CHANGE`.
+    """
     # For motions that do not repeat, only fractions of time can be compared.
     changes = [*np.abs(np.subtract(outcome.fractions, reference.fractions))]
     if problem.quantity == "orbit":
@@ -164,7 +180,11 @@ def _is_other_attractor(problem: Problem, outcome: Outcome, reference: Outcome) 
 
 
 def _is_spurious(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
-    """Return whether a motion is larger than possible, which only errors of a method can cause."""
+    """Return whether a motion is larger than possible, which only errors of a method can cause.
+
+    If energy or deviation is compared, it must not exceed that of the reference. Else a steady
+    reference must not be exceeded in height by the factor `MAX_GROWTH`.
+    """
     if problem.quantity in ("energy", "deviation"):
         possible = energy_or_deviation(problem, reference)
         return energy_or_deviation(problem, outcome) > possible
@@ -176,14 +196,16 @@ def _is_spurious(problem: Problem, outcome: Outcome, reference: Outcome) -> bool
 def classify_run(problem: Problem, outcome: Outcome, reference: Outcome) -> tuple[str, float]:
     """Return the verdict on a run by the first rule that applies, and the error of the run.
 
-    The verdict is "right" if the error is within the tolerance of the problem, else the kind of
-    failure, such as "invented_motion". The error is NaN if the run stopped early.
+    `outcome` is the run of the method under test, `reference` the accurate one. The verdict is
+    "right" if the error is within the tolerance of the problem, else the kind of failure, such as
+    "invented_motion". The error is NaN if the run stopped early.
     """
     if outcome.status != status.OK:
         return "diverged" if outcome.status == status.OVERFLOW else "stalled", math.nan
     run_error = error(problem, outcome, reference)
     settles = problem.quantity in ("orbit", "fractions")
     both_or_none_repeat = (outcome.period == 0) == (reference.period == 0)
+    # The negation is also true for NaN.
     if not outcome.height <= DIVERGENCE_RATIO * max(1.0, reference.height):
         return "diverged", run_error
     if run_error <= problem.tolerance and (both_or_none_repeat or problem.quantity != "fractions"):
@@ -202,14 +224,15 @@ def run(
 ) -> Outcome:
     """Run a method with options on a problem over a number of mesh periods; return its outcome.
 
-    `max_events` limits the steps or arcs per mesh period.
+    `max_events` limits the steps, or arcs between events, per mesh period. A run that exceeds it
+    stops early.
     """
     result = simulate(
         problem.model,
         problem.tuning,
         periods=periods,
         record_periods=min(periods, problem.record_periods or periods),
-        # Step methods find extrema only at the ends of steps and at samples.
+        # Step methods find extrema only at the ends of steps and at samples, so many are taken.
         samples_per_period=256 if problem.quantity == "orbit" else 1,
         initial_state=problem.state,
         method=method,
@@ -221,7 +244,11 @@ def run(
 
 
 def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
-    """Return the name and the options of the reference method for `method` on a problem."""
+    """Return the name and the options of the method against which `method` is judged.
+
+    It is the first automatic method of the library that supports the model of the problem, but not
+    `method` itself. If there is none, it is a solver of scipy that is restarted at events.
+    """
     for reference_name in integrators.AUTOMATIC:
         if reference_name != method and integrators.METHODS[reference_name].supports(problem.model):
             return reference_name, {}
@@ -229,7 +256,7 @@ def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
 
 
 def try_method(problem: Problem, method: str, options: dict) -> dict:
-    """Run a method with these options on a problem; return the verdict, the error and further data.
+    """Run a method with these options on a problem; return verdict, error and further data.
 
     The dict has the variables of the dataset: verdict (index in `VERDICTS`), error in the quantity
     that the problem compares, periods of the run, evaluations of the right-hand side, judge (name
@@ -261,8 +288,9 @@ def try_method(problem: Problem, method: str, options: dict) -> dict:
 def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
     """Run a method with these options on all difficult problems, and judge every run.
 
-    The dataset has the dimensions problem and trial. A trial is a method with options. There is
-    only one here; `name` is its label in figures and tables that compare several trials.
+    `method` is a name of `gearlib.methods`. The dataset has the dimensions problem and trial. A
+    trial is a method with options. There is only one here; `name` is its label in figures and
+    tables that compare several trials.
     """
     problems_by_name = problems()
 
@@ -283,7 +311,7 @@ def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
         }
 
     def verdict_variables(problem_name: str, trial: str) -> dict:
-        """Return the verdict on the only trial, the method with its options, on a problem."""
+        """Return verdict, error and cost on a problem. `trial`, the only label, is not used."""
         return try_method(problems_by_name[problem_name], method, options)
 
     problem_axis = {"problem": list(problems_by_name)}

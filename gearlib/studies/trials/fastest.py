@@ -17,9 +17,10 @@ _COLUMNS = ("method", "knob", *_NUMBERS)
 
 
 def fastest(errors: np.ndarray, seconds: np.ndarray, decade: int) -> int | None:
-    """Return the index of the fastest setting with an error of at most 10^-decade, else None.
+    """Return the index of the fastest setting with an error of at most 10^-decade, or None.
 
-    `errors` and `seconds` have an entry for each setting of a method, NaN where it has no result.
+    `errors` and `seconds` (wall times) have one entry per setting of a method, NaN where it has no
+    result.
     """
     # The factor allows for the rounding error of the power.
     max_error = 10.0**-decade * (1.0 + 1e-9)
@@ -36,9 +37,9 @@ def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[
     `errors` and `times` are results of the functions `errors` and `times` of
     `gearlib.studies.trials.work_precision`, one for each method. Their dimension "rung" is the
     index of a setting, for which "line" has the label of the method, and "knob" the accuracy
-    parameter with its value. Each problem and decade of accuracy has a row with the fastest method
-    of this library (columns "own_...") and the fastest solver of other packages (columns
-    "other_...").
+    parameter with its value. Each problem and decade of accuracy (error 10^-decade) has a row with
+    the fastest method of this library (columns "own_...") and the fastest solver of other packages
+    (columns "other_...").
     """
     yield [
         *("problem", "accuracy_in_static_deflections", "own_is_times_faster"),

@@ -54,11 +54,12 @@ class Motion(NamedTuple):
 
 
 def build(name: str, pair: GearPair, six_degrees: dict, settings: dict) -> Problem:
-    """Return the test problem with a name of `CASES`.
+    """Return the test problem with a name of `CASES`: a model, a tuning and mesh periods.
 
-    `pair` is undamped, `six_degrees` has further arguments of `SixDegreePair`; `settings` have
-    damping (N s/m), cubic_damping (N s^3/m^3), periods, conservative_periods (for problems whose
-    runs must be short) and record_periods.
+    `pair` is undamped, `six_degrees` has further arguments of `SixDegreePair`. `settings` has
+    damping (N s/m), cubic_damping (N s^3/m^3), periods (numbers of mesh periods),
+    conservative_periods (for problems whose runs must be short) and record_periods (recorded at the
+    end).
     """
     case = CASES[name]
     damping = settings["damping"]
@@ -84,10 +85,11 @@ def build(name: str, pair: GearPair, six_degrees: dict, settings: dict) -> Probl
 def run(
     problem: Problem, method=None, options=None, state: Sequence[float] = (0.0, 0.0), periods=None
 ) -> Motion:
-    """Run a method with options on a test problem, and return the motion.
+    """Run a method with options on a test problem, and return final state and contact events.
 
-    The default is the automatic method. The motion starts from `state` (displacement, velocity) and
-    lasts for `periods` mesh periods, by default as many as the problem has.
+    None is the automatic method. The motion starts from `state`, (displacement, velocity dx/dtau
+    with the mesh phase tau), and lasts for `periods` mesh periods, by default as many as the
+    problem has.
     """
     periods = periods or problem.periods
     data = simulate(
@@ -103,6 +105,7 @@ def run(
     final_state = data.final_state.values
     event_order = np.arange(data.sizes["event"])
     if problem.model.mesh_names:
+        # Displacement of the first mesh and its derivative, from all coordinates of the train.
         final_state = final_state.reshape(2, -1) @ problem.model.structure.lines[0]
         # Simultaneous events of several meshes have no order in time, so they are sorted by mesh.
         event_order = np.argsort(data.event_mesh.values, kind="stable")
@@ -114,7 +117,8 @@ def run(
 def period_map_jacobian(period_map: Callable, state: np.ndarray, step: Any) -> np.ndarray:
     """Return the Jacobian, shape (2, 2), of a map from a state to the state a mesh period later.
 
-    It is approximated by central differences at `state`, shape (2,), with half width `step`.
+    It is approximated at `state`, shape (2,), by central differences with the half width `step`, a
+    float or a `Decimal`. Its eigenvalues are the Floquet multipliers.
     """
     columns = []
     for shift in step * np.eye(2, dtype=int):

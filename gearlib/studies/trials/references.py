@@ -55,9 +55,10 @@ def precise_run(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the final (x, dx/dtau) of a run, the phases of its contact events and their codes.
 
-    `model` is a `GearPair`, a `SixDegreePair`, or a `OneDegreePair` with cubic damping; `digits`
-    are the correct decimal digits of each step; `state` is (x, dx/dtau) at tau = 0 for one degree
-    of freedom, None for rest on the drive-side flank. Codes (before, after) have the shape (n, 2).
+    `model` is a `GearPair`, a `SixDegreePair`, or a `OneDegreePair` with cubic damping. `tuning` is
+    mesh frequency over natural frequency, tau the mesh phase; `digits` are the correct decimal
+    digits of each step. `state` is (x, dx/dtau) at tau = 0 for one degree of freedom; None is rest
+    where drive-side contact begins. Contact codes (before, after) have the shape (n, 2).
     """
     with localcontext(prec=digits + GUARD_DIGITS):
         if model.equation is None:
@@ -75,6 +76,7 @@ def precise_run(
             # Contact may begin or end at the start, so the contact code shortly after it is used.
             next_state = z + derivative_matrix @ z * Decimal(10) ** -digits
             contact = _contact_code(equations.lines @ next_state)
+        # The stiffness is constant within a segment of the mesh period.
         for period in range(periods):
             for segment, (phase, end) in enumerate(pairwise(equations.bounds)):
                 while phase < end:
@@ -99,7 +101,8 @@ def precise_run(
 def _one_degree(model: Any, tuning: float) -> Equations:
     """Return the equations of a model with one degree of freedom, state z = (x, dx/dtau, 1).
 
-    The tuning is nu, the contact ratio epsilon, the stiffness ratio kappa.
+    x is the displacement in static deflections, tau the mesh phase. The tuning, mesh frequency over
+    natural frequency, is nu; the contact ratio is epsilon, the stiffness ratio kappa.
     """
     pair = model.pair
     nu = Decimal(tuning)
@@ -124,9 +127,10 @@ def _one_degree(model: Any, tuning: float) -> Equations:
 
 
 def _six_degrees(model: Any, tuning: float) -> Equations:
-    """Return the equations of a `SixDegreePair`, with the state z of its `TrainSystem`.
+    """Return the equations of a `SixDegreePair` in terms of the state z of its `TrainSystem`.
 
-    z has two rotations, displacements of elastic bearings, and the derivatives of all of these.
+    The state z has two rotations, displacements of elastic bearings, and the derivatives of all of
+    these with respect to the mesh phase. The tuning is mesh frequency over natural frequency.
     """
     system = model.system(tuning)
     pitch_phase = Decimal(model.pitch_phase)
@@ -138,6 +142,7 @@ def _six_degrees(model: Any, tuning: float) -> Equations:
     }
     # The starts of the segments are floats; each is replaced by the nearest precise phase.
     phases = _segment_bounds(Decimal(model.pair.contact_ratio))
+    # At these two phases the friction changes its sign.
     phases += [(pitch_phase + k * _pi()) % (2 * _pi()) for k in range(2)]
     bounds = [min(phases, key=lambda phase: abs(float(phase) - start)) for start in system.starts]
     lines = decimals([system.drive_lines[0], system.coast_lines[0]])
@@ -153,7 +158,8 @@ def _six_degrees(model: Any, tuning: float) -> Equations:
 def _pi() -> Decimal:
     """Return pi in the current decimal precision, by the Gauss-Legendre iteration.
 
-    Its sequences are a, arithmetic means, and b, geometric means.
+    Its sequences are arithmetic means a and geometric means b. Each iteration doubles the number of
+    correct digits.
     """
     a = Decimal(1)
     b = Decimal("0.5").sqrt()
@@ -170,7 +176,11 @@ def _segment_bounds(contact_ratio: Decimal) -> list[Decimal]:
 
 
 def _contact_code(distances: Sequence[Decimal]) -> int:
-    """Return the contact code at distances from the drive-side and the coast-side flank line."""
+    """Return the contact code: drive-side contact, no contact, or coast-side contact.
+
+    `distances` are those from the two flank lines, the displacements at which drive-side and
+    coast-side contact begin.
+    """
     if distances[0] >= 0:
         return DRIVE
     return COAST if distances[1] < 0 else NO_CONTACT
@@ -179,8 +189,9 @@ def _contact_code(distances: Sequence[Decimal]) -> int:
 def _series(matrix: np.ndarray, cubic: Decimal | int, z: np.ndarray) -> np.ndarray:
     """Return the coefficients of the power series of the motion from a state z, (order + 1, n).
 
-    The equation is z' = A z - d z[1]^3 e_1; `matrix` is A, shape (n, n), and `cubic` is the cubic
-    damping d. The order of the series is the number of decimal digits.
+    The equation is z' = A z - d z[1]^3 e_1, where e_1 is the unit vector of the velocity z[1];
+    `matrix` is A, shape (n, n), and `cubic` is the cubic damping d. The order of the series is the
+    number of decimal digits.
     """
     order = getcontext().prec
     series = np.zeros((order + 1, len(z)), object)
@@ -190,6 +201,7 @@ def _series(matrix: np.ndarray, cubic: Decimal | int, z: np.ndarray) -> np.ndarr
         derivatives = matrix @ series[k]
         velocities = series[: k + 1, 1]
         if cubic:
+            # Products of power series are sums over coefficients in opposite order.
             squares[k] = velocities @ velocities[::-1]
             derivatives[1] -= cubic * (squares[: k + 1] @ velocities[::-1])
         series[k + 1] = derivatives / (k + 1)
@@ -199,7 +211,8 @@ def _series(matrix: np.ndarray, cubic: Decimal | int, z: np.ndarray) -> np.ndarr
 def _step_length(series: np.ndarray) -> Decimal:
     """Return the step length at which the last two terms of a series are below the last digit.
 
-    `series` has the coefficients of all components, shape (order + 1, n).
+    `series` has the coefficients of all components, shape (order + 1, n). The power of ten of the
+    largest of the last coefficients gives the length.
     """
     order = len(series) - 1
     exponent = np.abs(series[-2:]).max().adjusted()
@@ -210,7 +223,7 @@ def _series_value(series: np.ndarray | list, length: Decimal) -> Any:
     """Return the value of one or more power series at a distance `length` from the centre.
 
     `series` has the coefficients in increasing order; the polynomial is evaluated by Horner's
-    scheme.
+    scheme, from the highest coefficient on.
     """
     return reduce(lambda value, coefficients: value * length + coefficients, series[::-1])
 
@@ -218,8 +231,9 @@ def _series_value(series: np.ndarray | list, length: Decimal) -> Any:
 def _end_of_step(contact: int, distances: list, length: Decimal) -> tuple[Decimal, int]:
     """Return the length of a step up to a change of contact, and the contact code after it.
 
-    `distances` are the power series of the distances from both flank lines, `contact` is the code
-    at the start, and `length` is the largest length of the step.
+    `contact` is the code at the start (drive-side, coast-side or no contact). `distances` are the
+    power series of the distances from both flank lines, the displacements at which contact begins;
+    `length` is the largest length of the step.
     """
 
     def contact_at(length: Decimal) -> int:
@@ -230,6 +244,7 @@ def _end_of_step(contact: int, distances: list, length: Decimal) -> tuple[Decima
         return length, contact
     # The change of contact is bisected: it lies between `low` and `high`.
     low, high = Decimal(0), length
+    # A digit needs 3.3 halvings, so four per digit reach the full precision.
     for _ in range(4 * getcontext().prec):
         middle = (low + high) / 2
         if contact_at(middle) == contact:
@@ -256,7 +271,9 @@ MAX_RESIDUAL = 1e-9
 def reference(problem: problems.Problem) -> problems.Motion:
     """Return the motion of a test problem, correct to the last digit of a float.
 
-    The number of digits is increased until two runs agree; a gear train is run by the exact method.
+    The number of digits is increased until two runs agree in all contact codes and to `AGREEMENT`
+    in the final state and the event phases. Raise ValueError if none do. A gear train is run by the
+    exact method of the library instead.
     """
     if problem.model.mesh_names:
         return problems.run(problem, "exact")
@@ -268,6 +285,7 @@ def reference(problem: problems.Problem) -> problems.Motion:
             continue
         differences = np.concatenate([state - less_precise_state, phases - less_precise_phases])
         if (np.abs(differences) <= AGREEMENT).all():
+            # Only events of the last mesh periods are returned.
             record_start = 2.0 * math.pi * (problem.periods - problem.record_periods)
             is_recorded = np.array(phases >= record_start, bool)
             event_phases = phases[is_recorded].astype(float)
@@ -281,8 +299,9 @@ def reference(problem: problems.Problem) -> problems.Motion:
 def settled_orbit(problem: problems.Problem) -> tuple[np.ndarray, float]:
     """Return the state and the largest absolute Floquet multiplier of the orbit of a problem.
 
-    The final state of a long run is corrected by a Newton step in 50 digits. Both are NaN if the
-    problem does not settle on an orbit of one mesh period.
+    The final state of a long run is corrected by one Newton step for a fixed point of the map over
+    a mesh period, in 50 digits. Both are NaN if the problem does not settle on an orbit of one mesh
+    period.
     """
 
     def period_map(start: np.ndarray) -> np.ndarray:
@@ -304,7 +323,8 @@ def settled_orbit(problem: problems.Problem) -> tuple[np.ndarray, float]:
 def compute(names: Sequence[str], pair: GearPair, six_degrees: dict, settings: dict) -> xr.Dataset:
     """Compute the reference motions, orbits and Floquet multipliers of several test problems.
 
-    `names` are names of problems; the other arguments are passed to `problems.build`. Orbit and
+    `names` are names of problems; the gear `pair`, `six_degrees` (arguments of `SixDegreePair`) and
+    `settings` (damping and numbers of mesh periods) are passed to `problems.build`. Orbit and
     multiplier are NaN for problems without an orbit of one mesh period.
     """
     built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
@@ -337,7 +357,10 @@ def compute(names: Sequence[str], pair: GearPair, six_degrees: dict, settings: d
 
 
 def motion_of(dataset: xr.Dataset, name: str) -> problems.Motion:
-    """Return the reference motion of the problem `name` from a dataset of `compute`."""
+    """Return the reference motion of the problem `name` from a dataset of `compute`.
+
+    The dataset has the events of all problems in a row; those of this problem are selected.
+    """
     events = dataset.isel(event=np.flatnonzero(dataset.event_problem.values == name))
     state = dataset.final_state.sel(problem=name).values
     codes = np.column_stack((events.event_from, events.event_to))

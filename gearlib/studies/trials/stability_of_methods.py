@@ -27,14 +27,17 @@ MAX_RADIUS = 1e6
 def spectral_radii(pair: Any, tunings: Sequence[float], method: str, options: dict) -> np.ndarray:
     """Return the spectral radius of the period map of a method at each tuning.
 
-    `pair` is a model of the linear equation, `method` a name of `gearlib.methods` and `options` its
-    options.
+    The period map takes a state to the state one mesh period later; a radius above 1 means
+    instability. `pair` is a model without contact loss, so that the map is affine. `tunings` are
+    mesh frequencies over the natural frequency; `method` is a name of `gearlib.methods`, `options`
+    its options. Radii are at most `MAX_RADIUS`, the value for runs that stopped early.
     """
     run = {"periods": 1, "record_periods": 1, "method": method, "options": options, "threads": 1}
     ends = []  # final states, each (tunings, 2)
     for initial_state in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
         curve = sweep(pair, tunings, initial_state=initial_state, **run)
         ends.append(curve.final_state.values)
+    # An affine map is determined by the images of zero and of the unit states.
     from_zero, *from_unit_states = ends
     period_maps = np.stack([end - from_zero for end in from_unit_states], axis=-1)
     # The map of a run that stopped early is NaN.
@@ -49,14 +52,19 @@ def compute(
 ) -> xr.Dataset:
     """Compute the spectral radii of fixed-step methods, and of the exact period map.
 
-    The methods are run at `tunings`, the exact map at `fine_tunings`, both with the linear equation
-    of `pair`. `steps` are numbers of steps per mesh period; `methods` maps labels to "method", a
-    name of `gearlib.methods`, and "options", its options without the number of steps.
+    The period map takes a state to the state one mesh period later. The methods are run at
+    `tunings` (mesh frequency over natural frequency), the exact map at `fine_tunings`, both with
+    `pair` without contact loss, a linear equation. `steps` are numbers of steps per mesh period;
+    `methods` maps labels to dicts with "method", a name of `gearlib.methods`, and "options", its
+    options without the number of steps.
     """
     linear = linear_pair(pair)
 
     def radii(name: str, step_count: int) -> dict:
-        """Return the spectral radii of one method with this number of steps per mesh period."""
+        """Return the spectral radii of the method labelled `name` with `step_count` steps.
+
+        The steps are those in a mesh period.
+        """
         options = methods[name]["options"] | {"steps_per_period": int(step_count)}
         return {"radius": spectral_radii(linear, tunings, methods[name]["method"], options)}
 

@@ -103,7 +103,8 @@ MAX_REPEATED = 0.05
 def method_settings(method: str) -> list[tuple[MethodVariant, str, dict]]:
     """Return all settings of a method: each variant with each value of its accuracy parameter.
 
-    A setting is (variant, text of the accuracy parameter with its value, all options).
+    A variant is a method with fixed options. A setting is (variant, accuracy parameter and its
+    value as a string, dict of all options).
     """
     settings = []
     for variant in METHOD_VARIANTS:
@@ -124,14 +125,19 @@ def method_settings(method: str) -> list[tuple[MethodVariant, str, dict]]:
 
 
 def state_error(motion: problems.Motion, reference: problems.Motion) -> float:
-    """Return the larger error of the final displacement and dx/dtau, NaN if a run stopped early."""
+    """Return the larger error of final displacement and dx/dtau, NaN if a run stopped early.
+
+    `motion` is the motion by the method under test, `reference` the exact one; tau is the mesh
+    phase.
+    """
     return float(np.abs(motion.state - reference.state).max())
 
 
 def event_error(motion: problems.Motion, reference: problems.Motion) -> float:
     """Return the largest error of the phases of contact events, rad.
 
-    It is NaN without events, or if the events of both motions differ in number or kind.
+    `motion` is the motion by the method under test, `reference` the exact one. The error is NaN
+    without events, or if the contact codes of the events differ in number or value.
     """
     if not np.array_equal(motion.codes, reference.codes) or not len(reference.codes):
         return math.nan
@@ -143,17 +149,18 @@ def errors(
 ) -> xr.Dataset:
     """Compute the errors and evaluations of a method on the test problems, for all its settings.
 
-    `reference_data` is a result of `gearlib.studies.trials.references.compute`; `pair`,
-    `six_degrees` and `settings` are arguments of `gearlib.studies.trials.problems.build`. The
-    dimension "rung" is the index of the setting, a value of the accuracy parameter of the method.
-    Values are NaN if the method cannot run the model or stops early.
+    A setting is a value of the accuracy parameter of the method, with its index along the dimension
+    "rung". `reference_data` is a result of `gearlib.studies.trials.references.compute`; `pair`,
+    `six_degrees` (arguments of `SixDegreePair`) and `settings` (damping and numbers of mesh
+    periods) are arguments of `gearlib.studies.trials.problems.build`. Values are NaN if the method
+    cannot run the model or stops early.
     """
     names = reference_data.problem.values.tolist()
     built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
     motions = {name: references.motion_of(reference_data, name) for name in names}
 
     def setting_errors(name: str, setting: tuple) -> dict:
-        """Return the errors of a setting on the problem `name`."""
+        """Return the errors of a setting (variant, string, options) on the problem `name`."""
         _, _, options = setting
         reference = reference_data.sel(problem=name)
         return _setting_errors(method, options, built[name], motions[name], reference)
@@ -168,8 +175,9 @@ def errors(
 def _setting_errors(method, options, problem, expected, reference) -> dict[str, float]:
     """Return the errors of a method with these options on a problem, and its evaluations.
 
-    `expected` is the exact motion, `reference` a dataset with the exact settled orbit and its
-    multiplier. All are NaN if the method does not support the model.
+    `expected` is the exact motion, `reference` a dataset with the exact periodic orbit and its
+    largest Floquet multiplier. Evaluations of the right-hand side are per mesh period. All values
+    are NaN if the method does not support the model.
     """
     state = event = multiplier = evaluations = math.nan
     if integrators.METHODS[method].supports(problem.model):
@@ -200,7 +208,9 @@ def _setting_errors(method, options, problem, expected, reference) -> dict[str, 
 def _error_floors(problem: problems.Problem, reference: problems.Motion) -> dict[str, float]:
     """Return the errors of state, event phase and multiplier that rounding alone causes.
 
-    For gear trains they are the accuracy of the reference.
+    They are half the spacing of floating-point numbers at the largest value of the `reference`
+    motion. The multiplier is a central difference, which divides the error by its half width. For
+    gear trains the errors are the accuracy of the reference.
     """
     state = phase = references.TRAIN_ACCURACY
     multiplier = math.nan
@@ -242,8 +252,9 @@ def times(
 ) -> xr.Dataset:
     """Measure the wall time of a method per mesh period, for all its settings and problems.
 
-    The dimension "rung" is the index of the setting, a value of the accuracy parameter. `names` are
-    names of problems; `pair`, `six_degrees` and `settings` are arguments of
+    A setting is a value of the accuracy parameter, with its index along the dimension "rung".
+    `names` are names of problems; `pair`, `six_degrees` (arguments of `SixDegreePair`) and
+    `settings` (damping and numbers of mesh periods) are arguments of
     `gearlib.studies.trials.problems.build`. The minimum of `repeats` runs is taken; long runs are
     timed once. No other program may run at the same time. period_time, in seconds, excludes the
     start of a run and is NaN if the method cannot run the model; closed_form_time is the time of
@@ -251,7 +262,7 @@ def times(
     """
 
     def setting_time(name: str, setting: tuple) -> dict:
-        """Return the wall time of a setting on the problem `name`."""
+        """Return the wall time of a setting (variant, string, options) on the problem `name`."""
         _, _, options = setting
         problem = problems.build(name, pair, six_degrees, settings)
         return {"period_time": _period_time(problem, method, options, repeats)}
@@ -265,15 +276,20 @@ def times(
 def _period_time(problem: problems.Problem, method: str, options: dict, repeats: int) -> float:
     """Measure the wall time of a method per mesh period of a problem, in seconds.
 
-    It is the minimum of `repeats` runs, or NaN if the method cannot run the model or stops early.
+    It is the minimum of `repeats` measurements, or NaN if the method cannot run the model or stops
+    early. `options` are those of the method.
     """
     if not integrators.METHODS[method].supports(problem.model):
         return math.nan
     _, integrator, options = integrators.choose_method(problem.model, method, options)
 
     def run(periods: int, calls: int) -> bool:
-        """Run the method `calls` times over mesh periods; return whether a run stopped early."""
+        """Run the method `calls` times over `periods` mesh periods.
+
+        Return whether any of the runs stopped early.
+        """
         if method == "exact":
+            # One call makes all runs, in a compiled loop for gear pairs, since a run is very short.
             propagator = problem.model.propagator(problem.tuning, method)
             starts = np.tile(propagator.initial_state((0.0, 0.0)), (calls, 1))
             _, statuses = propagator.propagate_many(starts, periods, MAX_EVENTS)
@@ -301,9 +317,10 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
 def seconds_per_period(run: Callable, short_periods: int, max_periods: int, repeats: int) -> float:
     """Measure the wall time of a mesh period of ``run(periods, calls)``, without its start.
 
-    It follows from the difference between a long run, of at most `max_periods`, and a run of
-    `short_periods`. Quick runs are called several times. The minimum of `repeats` measurements is
-    taken, because other programs can only slow a run down.
+    ``run`` repeats a run over `periods` mesh periods `calls` times. The time follows from the
+    difference between a long run, of at most `max_periods`, and a run of `short_periods`. Quick
+    runs are repeated. The minimum of `repeats` measurements is taken, because other programs can
+    only slow a run down. The result is NaN if a measurement was disturbed.
     """
     long_periods = short_periods + 1
     calls = 1
@@ -314,6 +331,7 @@ def seconds_per_period(run: Callable, short_periods: int, max_periods: int, repe
             yield min(timeit(partial(run, periods, calls), number=1, repeat=repeats))
 
     short_time, long_time = shortest_times(1)
+    # The runs are extended until their difference is long enough to be measured.
     while long_time - short_time < max(MIN_SPAN, 0.5 * short_time) and calls < MAX_CALLS:
         if long_periods < max_periods:
             long_periods = min(4 * long_periods, max_periods)
@@ -339,7 +357,8 @@ def _evolve_repeatedly(level, u, v, t, count):
 def closed_form_time(repeats: int) -> float:
     """Measure the time of one evaluation of the exact solution in contact, in seconds.
 
-    Many evaluations are timed together; the minimum of `repeats` measurements is taken.
+    Many evaluations, steps at constant stiffness, are timed together. The minimum of `repeats`
+    measurements is taken, because other programs can only slow a run down.
     """
     # The contact is underdamped at mean stiffness; the time does not depend on the values.
     level = level_at_tuning(1.0, 0.06, 0.9)
