@@ -643,7 +643,7 @@ def documented(constructor: Any) -> Any:
     """Add a table of declared parameters to the docstring of a class or function, and return it.
 
     A docstring that already has a section "Parameters" stays unchanged. In the signature,
-    annotations are replaced by plain types without bounds and units, which help texts show.
+    annotations are replaced by plain types without bounds and units, which `help` shows.
     """
     text, parameters = inspect.getdoc(constructor) or "", declared_parameters(constructor)
     if "\nParameters\n---" not in text and any(x.text for x in parameters.values()):

@@ -162,7 +162,7 @@ class Figures:
         return plot, marker
 
     def _motion_figures(self) -> list:
-        """Return a list of figures of the motion at the chosen speed or tuning.
+        """Return a list of figures of the motion at the chosen speed.
 
         They show phase plane, time history, Floquet multipliers (growth of perturbations in a
         period) with the unit circle, and order spectrum of the mesh force.

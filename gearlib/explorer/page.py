@@ -281,10 +281,11 @@ class Page:
         self.update()
 
     def pick(self, event) -> None:
-        """Set the speed or tuning slider to the abscissa of a click in the resonance curve.
+        """Set the slider of the horizontal axis to the position of a click in the resonance curve.
 
-        `event` is the tap event of Bokeh, with the position `x` in data coordinates, which is
-        rounded to a step of the slider.
+        This slider, `abscissa`, is the speed, or the tuning (mesh frequency over natural
+        frequency). `event` is the tap event of Bokeh, with the position `x` in data coordinates,
+        which is rounded to a step of the slider.
         """
         widget = self.widgets[self.slider_set.abscissa]
         value = widget.start + round((event.x - widget.start) / widget.step) * widget.step

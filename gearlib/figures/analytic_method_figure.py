@@ -131,8 +131,9 @@ def draw_harmonics(data: xr.Dataset):
 def _draw_errors(axes, data: xr.Dataset):
     """Draw the errors of both methods at one tuning over the number h of harmonics.
 
-    `_METHODS` names the methods, harmonic balance and that of E. Schmidt; there are errors of
-    displacement and of velocity. Dotted lines show the slopes of 1/h^2 and 1/h.
+    The tuning is the mesh frequency over the natural frequency. `_METHODS` names the methods,
+    harmonic balance and that of E. Schmidt; there are errors of displacement and of velocity.
+    Dotted lines show the slopes of 1/h^2 and 1/h.
     """
     for method, (_, colour, marker, face) in _METHODS.items():
         options = {"color": colour, "marker": marker, "markerfacecolor": face, "markersize": 3.5}

@@ -31,11 +31,11 @@ SPECIAL_POINTS = {
 def draw_branches(branches: xr.Dataset, loci: xr.Dataset):
     """Return a figure of branches of periodic orbits, above the loci of their special points.
 
-    `branches` and `loci` are results of the functions of the same name in
-    `gearlib.studies.resonance`. Special points are folds, period doublings and so on, see
-    `SPECIAL_POINTS`; a locus is the curve of tuning and damping along which such a point moves. The
-    variable orbit_height is the peak-to-peak displacement. A dotted line marks own_damping, the
-    damping ratio of the branches.
+    Both are drawn over the tuning (mesh frequency over natural frequency). `branches` and `loci`
+    are results of the functions of the same name in `gearlib.studies.resonance`. Special points are
+    folds, period doublings and so on (keys of `SPECIAL_POINTS`); a locus is the curve of damping
+    over tuning along which such a point moves. The variable orbit_height is the peak-to-peak
+    displacement. A dotted line marks own_damping, the damping ratio of the branches.
     """
     figure = style.page_figure(_HEIGHT)
     branch_axes, locus_axes = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
@@ -111,9 +111,10 @@ def legend_entries(labels: ArrayLike, point_line="none") -> list:
 def _draw_locus(axes, locus: xr.Dataset):
     """Draw the locus of a special point of orbits: a curve of damping over tuning.
 
-    The point moves along this curve if tuning and damping change together. The locus consists of
-    two lines in opposite directions, stored one after the other. Each starts at the special point
-    itself, where the damping ratio equals `own_damping`, the one of the branches.
+    The point moves along this curve if the damping and the tuning (mesh frequency over natural
+    frequency) change together. The curve consists of two lines in opposite directions, stored one
+    after the other. Both begin at the special point itself, where the damping ratio equals
+    `own_damping`, the one of the branches.
     """
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
     damping, branch_damping = locus.damping_ratio.values, float(locus.own_damping)
@@ -227,9 +228,10 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
 def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
     """Draw how far the tuning of the jump shifts if one quantity of the run is varied.
 
-    `jumps` has the runs that vary this quantity, a point each; `switches` is the number of jumps in
-    the scan of a run. A band spans `marked_shifts`, shifts for comparison. `label`, such as "name
-    (unit)", and `scale`, "linear" or "log", are the label and the scale of the x axis.
+    The tuning is the mesh frequency over the natural frequency. `jumps` has the runs that vary this
+    quantity, a point each; `switches` is the number of jumps in the scan of a run. A band spans
+    `marked_shifts`, shifts for comparison. `label`, such as "name (unit)", and `scale`, "linear" or
+    "log", are the label and the scale of the x axis.
     """
     values, shifts = jumps.value.values, jumps["shift"].values
     if marked_shifts.size and np.isfinite(marked_shifts).all():

@@ -256,9 +256,10 @@ def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
     """Return a verdict on the stability that a method computes, for each step count and tuning.
 
     A verdict is an index in `VERDICTS`, such as 0 for "invents motion". `radius`, of shape (step
-    counts, tunings), is the spectral radius of the motion over a mesh period by the method,
-    `true_radius`, of shape (tunings,), the exact one. Motion is unstable if its spectral radius
-    (largest multiplier in magnitude) is above 1. The verdicts have the shape of `radius`.
+    counts, tunings), is the spectral radius of the motion over a mesh period by the method;
+    `true_radius`, of shape (tunings,), is the exact one. A tuning is the mesh frequency over the
+    natural frequency. Motion is unstable if its spectral radius (largest multiplier in magnitude)
+    is above 1. The verdicts have the shape of `radius`.
     """
     is_stable = true_radius <= 1.0 + 1e-9
     is_too_large = radius > true_radius + RADIUS_TOLERANCE

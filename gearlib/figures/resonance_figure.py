@@ -385,7 +385,7 @@ def _draw_extrema(axes, data: xr.Dataset, styles: dict[str, dict]):
 
 
 def _draw_phase_planes(axes, data: xr.Dataset, styles: dict[str, dict]):
-    """Draw the phase plane (velocity over displacement) at one tuning, a curve per damping power.
+    """Draw the phase plane (velocity over displacement) of one run per damping power.
 
     `styles` has plot options for each power of the velocity in the damping force.
     """
