@@ -85,8 +85,10 @@ class Gearbox:
     """
 
     def __init__(self, model: RexsModel):
+        """Read all parts of the gearbox, and compute the loads and the geometry of its stages."""
         self.model = model
-        self._defaults: dict[str, list[str]] = {}  # text -> components
+        # Description of a default value -> names of the components that have it.
+        self._defaults: dict[str, list[str]] = {}
         self.notes: list[str] = []
         self.refused: dict[str, str] = {}
         self.places = parts.Places(model)
@@ -95,6 +97,7 @@ class Gearbox:
         self.couplings = parts.springs(model, parts.COUPLINGS, "rotational_stiffness", "N m/rad")
         self.planetary_stages = [part.name for part in model.of_type("planetary_stage")]
         self.load_cases = model.load_fractions() or {NOMINAL: math.nan}
+        # Id of a gear -> component of the shaft on which it lies.
         self.shaft_of = {
             gear.id: shaft
             for shaft in model.of_type("shaft")
@@ -103,8 +106,9 @@ class Gearbox:
         }
         self.stages = self._read_stages()
         self._loads: dict[str, Loads] = {}
-        self.loads()  # Raises the error of gears that are locked.
+        self.loads()  # This call raises an error if no gear can turn.
         for name in self.stages:
+            # An impossible stage does not prevent the computation of the others.
             try:
                 self.stage(name)
             except ValueError as error:
@@ -116,7 +120,11 @@ class Gearbox:
         return [f"{text}: {', '.join(names)}" for text, names in self._defaults.items()]
 
     def default(self, text: str, part: Component) -> None:
-        """Add a component to the list of those that have the default described by a text."""
+        """Note that a component has a default value, because the file does not state one.
+
+        `text` describes the default. The components that have it are listed by name behind the
+        text.
+        """
         names = self._defaults.setdefault(text, [])
         if part.name not in names:
             names.append(part.name)
@@ -127,9 +135,10 @@ class Gearbox:
             self.notes.append(text)
 
     def _read_stages(self) -> dict[str, Stage]:
-        """Return the cylindrical stages by name, and list the reasons for refusing other stages.
+        """Return the cylindrical stages of the file by name.
 
-        Raises ValueError if there is no cylindrical stage.
+        A stage is a pair of gears in mesh. For each other kind of stage the reason why it cannot be
+        computed is added to `refused`. Raises ValueError if there is no cylindrical stage.
         """
         carriers = {}  # id of the shaft of a planet -> id of its carrier
         for planetary in self.model.of_type("planetary_stage"):
@@ -150,6 +159,7 @@ class Gearbox:
                 allowed = "a stage of two gears that lie on shafts"
                 self.refused[part.name] = f"{part} is not allowed: it must be {allowed}"
             else:
+                # The pinion is the gear with fewer teeth; a ring gear is always the wheel.
                 pair.sort(key=lambda gear: (gear.type == "ring_gear", gears.teeth(gear)))
                 pinion, wheel = pair
                 carrier = carriers.get(self.shaft_of[pinion.id].id)
@@ -169,7 +179,11 @@ class Gearbox:
         return Rotors(self)
 
     def loads(self, load_case: str | None = None) -> Loads:
-        """Return all torques and speeds in a load case, by default in the first one."""
+        """Return all torques and speeds in a load case, by default in the first one.
+
+        They are computed once for each load case. Contradictions in the file are added to the
+        notes.
+        """
         case = next(iter(self.load_cases)) if load_case is None else load_case
         checks.one_of("load_case", case, list(self.load_cases))
         if case not in self._loads:
@@ -185,9 +199,10 @@ class Gearbox:
     def load(self, stage: str, load_case: str | None = None) -> dict[str, float]:
         """Return the torque (N m) and the speed (rpm) of the pinion of a stage in a load case.
 
-        Both are magnitudes, and arguments of `gearlib.duty_point`. The speed is relative to the
-        line of centres; it is left out if the file states none. By default the load case is the
-        first one.
+        The result is a dict with the keys "torque" and "speed", which are arguments of
+        `gearlib.duty_point`. Both values are magnitudes. The speed is relative to the line between
+        the gear centres, which turns if one of the gears is a planet; the key is left out if the
+        file does not state enough speeds. By default the load case is the first one.
 
         Raises
         ------
@@ -206,7 +221,8 @@ class Gearbox:
     def stage(self, name: str, load_case: str | None = None) -> GearStage:
         """Return the geometry of a stage with the flanks that carry the load in a load case.
 
-        Without a torque, the left flanks are taken. By default the load case is the first one.
+        If the torque is unknown, the flanks are those that a positive torque about the axis of each
+        gear would load. By default the load case is the first one.
 
         Raises
         ------
@@ -219,13 +235,16 @@ class Gearbox:
         return gears.geometry(self, stage, sides, self.centre_distance(stage))
 
     def _loaded_side(self, gear: Component, torque: float) -> str:
-        """Return the side, "left" or "right", of the loaded flank of either gear of a stage.
+        """Return "left" or "right", the side of the flank of a gear that carries the load.
 
-        `torque` acts on the pinion in N m. As in ISO 21771, sides refer to the view on the datum
-        face of a gear with the tooth upright. The loaded flanks of both gears are on the same side.
+        `torque` acts on the pinion of the stage in N m, positive counterclockwise. As in ISO 21771,
+        the sides are those that a viewer of the datum face of the gear sees with the tooth upright;
+        the file says which face this is. The loaded flanks of both gears are on the same side.
+        Without a torque, the side is that of a torque that is positive about the axis of the gear.
         """
         datum_face = str(gear.value("datum_face_orientation") or "negative").lower()
         face_sign = 1 if datum_face.startswith("pos") or datum_face == "+" else -1
+        # The direction is -1 if the axis of the gear points against the common direction u.
         torque_on_face = torque * self.places.direction(gear) * face_sign
         if torque_on_face < 0.0 or (torque_on_face == 0.0 and face_sign < 0):
             return "right"
@@ -234,7 +253,8 @@ class Gearbox:
     def shaft_diameters(self, gear: Component) -> tuple[float, float]:
         """Return the inner and outer diameter of the shaft at the middle of a gear, m.
 
-        Both are 0 if the shaft has no section there.
+        The diameters of a conical section vary linearly along it. Both are 0 if no section of the
+        shaft lies there.
         """
         shaft = self.shafts[self.shaft_of[gear.id].id]
         middle = sum(self.face(gear)) / 2.0
@@ -247,7 +267,12 @@ class Gearbox:
         return 0.0, 0.0
 
     def face(self, gear: Component) -> tuple[float, float]:
-        """Return the coordinates on its shaft at which the face of a gear begins and ends, m."""
+        """Return the coordinates in m at which the face width of a gear begins and ends.
+
+        They are coordinates along the shaft of the gear. The coordinate that the file states is
+        that of the start of the gear in version 1.0 of REXS, and that of its middle in later
+        versions.
+        """
         width = gear.number("face_width", "m", "for the contact ratios and the stiffness")
         shaft, start = self.shaft_of[gear.id], gear.number("u_coordinate_on_shaft", "m")
         if start is None or self._is_placed(gear, shaft):
@@ -262,10 +287,10 @@ class Gearbox:
         return self.places.position(part) is not None and self.shafts[shaft.id].start is not None
 
     def coordinate(self, part: Component, shaft: Component) -> float:
-        """Return the coordinate of a component on a shaft that follows from its position, m.
+        """Return the coordinate of a component along a shaft, m, computed from its position.
 
-        A coupling without a position is placed at another gear of the shaft. Raises ValueError if
-        any other position is missing.
+        A coupling whose position is not known is assumed to be at another gear of the shaft. Raises
+        ValueError if the position of any other component is not known.
         """
         gears_on_shaft = [gear for gear in self.model.parts_of(shaft) if gear.type in _GEARS]
         other_gears = [gear for gear in gears_on_shaft if gear.id != part.id]
@@ -275,13 +300,15 @@ class Gearbox:
         if not self._is_placed(part, shaft):
             problem = f"is missing: it must be given for the place on {shaft}"
             raise InputError("u_coordinate_on_shaft", problem=problem, owner=str(part))
+        # [0] is the component along u, to which all shafts are parallel.
         axis = self.shafts[shaft.id]
         return axis.direction * float((self.places.position(part) - axis.start)[0])
 
     def line_of_centres(self, stage: Stage) -> np.ndarray | None:
         """Return the vector (v, w) in m from the axis of the pinion to the axis of the wheel.
 
-        It is None if the file does not state both positions, or states the same position twice.
+        v and w are the directions across the shafts. The position of a gear that states none is
+        that of its shaft. The result is None if a position is not known, or if both are the same.
         """
         positions = []
         for gear in (stage.pinion, stage.wheel):
@@ -291,13 +318,14 @@ class Gearbox:
             positions.append(position)
         if any(position is None for position in positions):
             return None
-        vector = (positions[1] - positions[0])[1:]
+        vector = (positions[1] - positions[0])[1:]  # without the component u along the shafts
         return vector if math.hypot(*vector) > _DISTANCE_TOLERANCE else None
 
     def centre_distance(self, stage: Stage) -> float:
-        """Return the centre distance of a stage in m, as stated or else from the positions.
+        """Return the centre distance of a stage in m: as stated, else from the positions.
 
-        Raises ValueError if neither is known; a contradiction is added to the notes.
+        Raises ValueError if neither is known. A contradiction between the two is added to the
+        notes.
         """
         stated, vector = stage.part.number("center_distance", "m"), self.line_of_centres(stage)
         by_positions = None if vector is None else math.hypot(*vector)
@@ -314,15 +342,17 @@ class Gearbox:
         return float(stated)
 
     def centre_line_angle(self, stage: Stage) -> float:
-        """Return the angle in rad, from v, of the line from the pinion axis to the wheel axis.
+        """Return the direction of the line from the pinion axis to the wheel axis, rad.
 
-        It follows from the positions of the gears, else it is the angle that the stage states, else
-        0. A contradiction is added to the notes.
+        The angle is measured in the plane across the shafts, from the direction v towards w. It
+        follows from the positions of the gears; without them it is the angle that the stage states,
+        or else 0. A contradiction between the two is added to the notes.
         """
         vector = self.line_of_centres(stage)
         stated = stage.part.number("rotating_angle_around_neg_u_axis", "rad")
         if stated is not None:
-            # The stated angle runs from w towards v, from the first gear to the second one.
+            # The stated angle is measured from w towards v. It is the direction from the first gear
+            # of the stage, which may be the wheel, to the second one.
             stated = math.pi / 2.0 - stated
             first_gear = next(self.model.related("stage", stage=stage.part))["gear_1"]
             stated += 0.0 if first_gear.id == stage.pinion.id else math.pi
@@ -344,7 +374,10 @@ class Gearbox:
         return parts.material(self.model, part, self.default)
 
     def planet(self, stage: Stage) -> Component:
-        """Return the planet of a stage, which is the gear carried by a carrier."""
+        """Return the planet of a stage, which is the gear on a shaft carried by a carrier.
+
+        A relation of the type "planet_shaft" in the file names such a shaft.
+        """
         planet_shafts = {roles["shaft"].id for roles in self.model.related("planet_shaft")}
         pair = stage.pinion, stage.wheel
         return next(gear for gear in pair if self.shaft_of[gear.id].id in planet_shafts)
@@ -358,10 +391,11 @@ class Gearbox:
         return self.centre_distance(self._stages_on(carrier)[0])
 
     def default_carrier(self, carrier: Component) -> tuple[float, float]:
-        """Return the default mass (kg) and inertia (kg m^2) of a planet carrier.
+        """Return the default mass (kg) and moment of inertia (kg m^2) of a planet carrier.
 
-        They are used if the file describes no carrier: a disc with the width and material of a
-        planet and the radius of the pins.
+        They are used if the file does not describe the parts of the carrier. The carrier is then a
+        disc with the width and material of a planet and the radius at which the pins of the planets
+        lie.
         """
         planet, radius = self.planet(self._stages_on(carrier)[0]), self.pin_radius(carrier)
         width = planet.number("face_width", "m", "for the inertia of the carrier")
@@ -372,7 +406,7 @@ class Gearbox:
     def end_at_planets(self, part: Component, carrier: Component) -> float:
         """Return the coordinate in m of the end of a carrier shaft that is next to the planets.
 
-        `part` is the component of the shaft.
+        `part` is the component of the shaft, and the coordinate is measured along it.
         """
         shaft, planet = self.shafts[part.id], self.planet(self._stages_on(carrier)[0])
         u = self.coordinate(planet, part)
@@ -404,9 +438,11 @@ class Gearbox:
         structural_damping : float, default 1e-6
             Damping of shafts, couplings and bearings over their stiffness, s.
         model, stiffness, options
-            Model and stiffness of the meshes, see `gearlib.Mesh.from_geometry`.
+            Model of the meshes ("teeth" or "rectangle"), method of their stiffness ("iso" or
+            "energy") and options of this method, see `gearlib.Mesh.from_geometry`.
         reference : str, optional
-            Stage whose mesh sets scales and tuning, by default the first.
+            Stage whose mesh sets the scales and the tuning (mesh frequency over natural
+            frequency), by default the first.
 
         Returns
         -------
@@ -418,7 +454,8 @@ class Gearbox:
         ValueError
             If something is missing or impossible; the message names component and attribute.
         """
-        from gearlib.gearboxes.train import build  # Loads the compiled code of trains.
+        # The import is here, because it loads the compiled code of trains.
+        from gearlib.gearboxes.train import build
 
         return build(
             self,
@@ -446,7 +483,8 @@ class Gearbox:
 
         placed = {key: shaft for key, shaft in self.shafts.items() if shaft.start is not None}
         axes = np.array([shaft.start[1:] for shaft in placed.values()]).reshape(-1, 2)
-        # The unit vector across the box in which the axes lie furthest apart, upwards along w.
+        # The first singular vector is the direction in which the axes lie furthest apart; its sign
+        # is chosen such that it points upwards, along w.
         across = np.array([0.0, 1.0])
         if placed:
             across = np.linalg.svd(axes - axes.mean(axis=0))[2][0]
@@ -490,8 +528,8 @@ class Gearbox:
     def rows(self, load_case: str | None = None) -> Iterator[list]:
         """Yield the rows of a table of the stages in a load case.
 
-        The first row holds the names of the columns, and each other row the values of a stage. An
-        unknown value is None.
+        The first row has the names of the columns in `_COLUMNS`, and each other row the values of a
+        stage. An unknown value is None; the geometry is unknown if the stage cannot be computed.
         """
         yield [name for name, _ in _COLUMNS]
         loads = self.loads(load_case)
@@ -504,7 +542,11 @@ class Gearbox:
             ]
 
     def __str__(self) -> str:
-        """Return tables of stages and loads in all load cases, and lists of defaults and notes."""
+        """Return tables of the stages and loads in all load cases, and lists of remarks.
+
+        The remarks are default values, contradictions in the file, and stages that cannot be
+        computed.
+        """
         lines = [f"gearbox, REXS {self.model.version}, {self.model.application}".rstrip(", ")]
         for case, fraction in self.load_cases.items():
             share = "" if math.isnan(fraction) else f", {100.0 * fraction:.4g} % of the duration"
@@ -525,9 +567,10 @@ class Gearbox:
         return "\n".join(lines)
 
     def _load_rows(self, case: str) -> Iterator[list]:
-        """Yield the rows of a table of the external loads in a load case, with a row of titles.
+        """Yield the rows of a table of the external loads in a load case.
 
-        Torques and speeds are positive counterclockwise; None means unknown.
+        The first row has the names of the columns. Torques and speeds are positive
+        counterclockwise; None means unknown.
         """
         yield ["external load", "on", "torque (N m)", "speed (rpm)"]
         loads = self.loads(case)
@@ -574,9 +617,10 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _aligned(rows: Iterable[list]) -> list[str]:
-    """Format a table and return its lines, with aligned columns.
+    """Format a table with aligned columns, and return its lines.
 
-    The first column is repeated in front of columns that do not fit on the line and follow below.
+    A row is a list of values. Columns that do not fit on a line of `_WIDTH` characters follow in
+    another block below, in which the first column is repeated.
     """
     texts = [[_cell_text(value) for value in row] for row in rows]
     widths = [max(map(len, column)) + 2 for column in zip(*texts, strict=True)]

@@ -53,7 +53,10 @@ class Stage(NamedTuple):
 
 
 def teeth(gear: Component) -> int:
-    """Return the number of teeth of a gear, without the sign that some programs write."""
+    """Return the number of teeth of a gear, a positive integer.
+
+    Some programs write a negative number for a ring gear.
+    """
     number = gear.number("number_of_teeth", "1", "of every gear in a stage")
     checks.require(number == round(number), "number_of_teeth", number, "an integer", str(gear))
     return abs(round(number))
@@ -63,13 +66,14 @@ def teeth(gear: Component) -> int:
 def _translating_errors(*owners: tuple[str, Component]):
     """Translate errors about a geometry into errors that name component and attribute in REXS.
 
-    `owners` are pairs (prefix of the path of an error, component), such as ("pinion", gear). The
-    prefix "" stands for all errors without another prefix.
+    `owners` are pairs (prefix, component), such as ("pinion", gear), where the prefix is the start
+    of the path that an error names. The prefix "" stands for all errors without another prefix. An
+    error that names its component already is not changed.
     """
     try:
         yield
     except InputError as error:
-        if error.owner:
+        if error.owner:  # The error names its component already.
             raise
         parts = dict(owners)
         prefix, _, path = error.path.partition(".")
@@ -84,7 +88,7 @@ def geometry(box: "Gearbox", stage: Stage, sides: list[str], distance: float) ->
     """Return the geometry of a stage with the given loaded flanks.
 
     `sides` of pinion and wheel are "left" or "right", and `distance` is the centre distance in m.
-    Values that the file does not state are listed in the defaults of the box.
+    Each value that the file does not state is added to the defaults of the gearbox `box`.
     """
     gears = stage.pinion, stage.wheel
     flanks = [_flank(box, gear, side) for gear, side in zip(gears, sides, strict=True)]
@@ -112,7 +116,7 @@ def geometry(box: "Gearbox", stage: Stage, sides: list[str], distance: float) ->
 def _flank(box: "Gearbox", gear: Component, side: str) -> Component:
     """Return the component of a flank of a gear, or the gear itself if the file has no flanks.
 
-    `side` is "left" or "right". If the file has only flanks of other sides, the first is returned.
+    `side` is "left" or "right". If the file states only the other flank, that one is returned.
     """
     for roles in box.model.related("flank", gear=gear):
         if roles.get(side):
@@ -122,9 +126,10 @@ def _flank(box: "Gearbox", gear: Component, side: str) -> Component:
 
 
 def _number(components: tuple, field: str, unit: str) -> float | None:
-    """Return a number from the first component that has it, or None.
+    """Return a number from the first of several components that states it, or None.
 
-    `field` is the name of the number in `_ATTRIBUTES`, and `unit` the unit of the result.
+    `field` is the name of the number in the geometry, a key of `_ATTRIBUTES`, and `unit` is the
+    unit of the result.
     """
     for component in components:
         number = component.number(_ATTRIBUTES[field], unit)
@@ -134,7 +139,11 @@ def _number(components: tuple, field: str, unit: str) -> float | None:
 
 
 def _module_and_angles(box: "Gearbox", gear: Component, flank: Component) -> dict[str, Any]:
-    """Return the normal module (m), pressure angle and helix angle (rad) of a gear by name."""
+    """Return the normal module (m), pressure angle and helix angle (rad) of a gear by name.
+
+    An attribute of the `flank` has priority over the same attribute of the `gear`. Missing angles
+    are 20 degrees and 0, and the gearbox `box` notes these defaults.
+    """
     values = {"module": gear.number("normal_module", "m", "for the geometry of the stage")}
     for field, default, text in (
         ("pressure_angle", math.radians(20.0), "20 degrees"),
@@ -150,9 +159,9 @@ def _module_and_angles(box: "Gearbox", gear: Component, flank: Component) -> dic
 def _profile_shifts(box, stage: Stage, flanks: list, angles: dict, distance: float) -> list:
     """Return the profile shift coefficients of pinion and wheel.
 
-    If the file states only one of them, the other follows from the centre `distance` in m, without
-    backlash. `flanks` are the components of both flanks, and `angles` the result of
-    `_module_and_angles` for the pinion.
+    If the file states only one of them, the other follows from the centre `distance` in m, such
+    that there is no backlash. `flanks` are the components of both flanks, and `angles` is the dict
+    of module and angles of the pinion.
     """
     name, gears = _ATTRIBUTES["shift"], (stage.pinion, stage.wheel)
     shifts = [_number(pair, "shift", "1") for pair in zip(flanks, gears, strict=True)]
@@ -169,6 +178,8 @@ def _profile_shifts(box, stage: Stage, flanks: list, angles: dict, distance: flo
     base_distance = base_distance * math.cos(transverse_angle) / 2.0
     allowed = f"above {base_distance:.6g} m, where the base circles would have no line of action"
     checks.require(distance > base_distance, "center_distance", distance, allowed, str(stage.part))
+    # The sum of the shifts by ISO 21771, with the working angle of the centre distance; the
+    # rounding removes errors of stated decimals.
     difference = inv(math.acos(base_distance / distance)) - inv(transverse_angle)
     shift_sum = round(difference * teeth_sum / (2.0 * math.tan(alpha)), 9)
     i = shifts.index(None)
@@ -180,8 +191,9 @@ def _profile_shifts(box, stage: Stage, flanks: list, angles: dict, distance: flo
 def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> SpurGear:
     """Return the geometry of a gear.
 
-    `values` are the fields of the geometry that are known already: module, pressure angle, helix
-    angle and profile shift.
+    `flank` is the component of its loaded flank. `values` are the fields of the geometry that are
+    known already: module, pressure angle, helix angle and profile shift. Default values are added
+    to those of the gearbox `box`.
     """
     is_ring = gear.type == "ring_gear"
     addendum = _number((flank, gear), "addendum", "1") or 1.0
@@ -202,12 +214,13 @@ def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> Sp
     spur_gear = _with_rack(box, gear, values, addendum)
     inner_diameter, outer_diameter = box.shaft_diameters(gear)
     if is_ring:
-        # The shaft of a ring gear lies around its rim.
+        # The shaft of a ring gear is a hollow cylinder around its rim.
         rim_diameter = inner_diameter
         if rim_diameter <= spur_gear.root_diameter:
             rim_diameter = spur_gear.root_diameter + 7.0 * spur_gear.module
             box.default("rim 3.5 modules above the root", gear)
         spur_gear = replace(spur_gear, outer_diameter=rim_diameter)
+    # A shaft that is nearly as thick as the root leaves no rim, so that both are one piece.
     elif outer_diameter and outer_diameter < spur_gear.root_diameter / MIN_ROOT_RATIO:
         spur_gear = replace(spur_gear, bore=outer_diameter)
     elif outer_diameter:
@@ -219,8 +232,8 @@ def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> Sp
 def _with_rack(box: "Gearbox", gear: Component, values: dict, addendum: float) -> SpurGear:
     """Return a gear with the rack of its tool, or with rack A of ISO 53 if the tool undercuts it.
 
-    `values` are all other fields of the geometry, and `addendum` is the addendum of the rack in
-    modules.
+    A rack is the profile of the straight teeth that generate the gear. `values` are all other
+    fields of the geometry, and `addendum` is the addendum of the rack in modules.
     """
     rack = replace(RACKS["A"], addendum=addendum)
     for tool in box.model.linked(gear, "rack_shaped_tool"):
@@ -242,8 +255,9 @@ def _with_rack(box: "Gearbox", gear: Component, values: dict, addendum: float) -
 def _tip_relief(box: "Gearbox", flank: Component, gear: SpurGear) -> TipRelief | None:
     """Return the tip relief of a flank, or None if the file states none.
 
-    `gear` is the geometry of the gear; its roll lengths give the length of the relief if the file
-    states the diameter at which the relief starts.
+    The length of the relief is measured along the line of action. If the file states the diameter
+    at which the relief starts instead, the length follows from the involute of `gear`, the geometry
+    of the gear.
     """
     part = next(iter(box.model.linked(flank, "tip_relief")), None)
     amount = None if part is None else part.number("tip_relief_depth", "m")

@@ -49,7 +49,11 @@ class Rotors:
     """The rotors of a gearbox, named by the id of one of their parts, and their kinematics."""
 
     def __init__(self, box: "Gearbox"):
-        """Join the parts of carriers and couplings, and collect the rotors of all meshes."""
+        """Find the parts that turn together, and the rotors of all meshes.
+
+        A rotor is a set of parts that turn together. Carriers and couplings join parts to one
+        rotor; a coupling to the casing holds its other end, so that this rotor stands still.
+        """
         model, self.box = box.model, box
         self._parents: dict[str, str] = {}  # id of a part -> id of a part of the same rotor
         self.casings = {part.id for part in model.of_type("gear_casing")}
@@ -70,8 +74,10 @@ class Rotors:
                 held_parts += free_ends
             elif len(free_ends) == 2:
                 self._join(*free_ends)
+        #: Rotors that stand still.
         self.held = {self.rotor(part_id) for part_id in held_parts}
         self.stages = list(box.stages.values())
+        #: For each stage the rotors of pinion, wheel and carrier.
         self.meshing = [self._rotors_of(stage) for stage in self.stages]
         #: Rotors that take part in a mesh.
         self.turning = {rotor for rotors in self.meshing for rotor in rotors if rotor}
@@ -79,7 +85,10 @@ class Rotors:
         self.free = sorted(self.turning - self.held)
 
     def rotor(self, key: str) -> str:
-        """Return the name of the rotor to which the component with the id `key` belongs."""
+        """Return the name of the rotor to which a component belongs.
+
+        `key` is the id of the component. The name is the id of one part of the rotor.
+        """
         while key in self._parents:
             key = self._parents[key]
         return key
@@ -91,7 +100,10 @@ class Rotors:
             self._parents[rotor_2] = rotor_1
 
     def _rotors_of(self, stage) -> tuple:
-        """Return the rotors of pinion, wheel and carrier of a stage, "" without a carrier."""
+        """Return the names of the rotors of pinion, wheel and carrier of a stage.
+
+        The last name is "" if the axes of both gears are fixed in the casing.
+        """
         pinion_rotor = self.rotor(self.box.shaft_of[stage.pinion.id].id)
         wheel_rotor = self.rotor(self.box.shaft_of[stage.wheel.id].id)
         carrier_rotor = self.rotor(stage.carrier) if stage.carrier else ""
@@ -100,7 +112,9 @@ class Rotors:
     def matrix(self) -> np.ndarray:
         """Return the matrix of the mesh equations for the speeds of the free rotors.
 
-        Its shape is (stages, free rotors), and its product with the speeds is 0.
+        A free rotor takes part in a mesh and is not held by the casing. Each mesh requires z_a (w_a
+        - w_c) + z_b (w_b - w_c) = 0 for the speeds w of pinion a, wheel b and carrier c with the
+        numbers of teeth z_a and z_b. The shape of the matrix is (stages, free rotors).
         """
         matrix = np.zeros((len(self.stages), len(self.free)))
         for row, stage, rotors in zip(matrix, self.stages, self.meshing, strict=True):
@@ -112,9 +126,10 @@ class Rotors:
         return matrix
 
     def free_motions(self, matrix: np.ndarray) -> np.ndarray:
-        """Return a basis of the rotor speeds that all meshes allow, the null space of `matrix`.
+        """Return a basis of the speeds of the free rotors that all meshes allow.
 
-        The basis has the shape (free rotors, f) for f degrees of freedom.
+        It is the null space of `matrix`, the matrix of the mesh equations. The basis has the shape
+        (free rotors, f) for f degrees of freedom of the gearbox.
         """
         _, values, vectors = np.linalg.svd(matrix)
         rank = int((values > 1e-9 * values.max(initial=1.0)).sum())
@@ -123,7 +138,8 @@ class Rotors:
     def column(self, part: Component) -> np.ndarray:
         """Return the unit vector of the rotor of a component among the free rotors.
 
-        It is zero if the rotor of the component is not free.
+        Its product with the speeds of all free rotors is the speed of the component. It is zero if
+        the rotor of the component is held by the casing or takes part in no mesh.
         """
         return np.array([float(rotor == self.rotor(part.id)) for rotor in self.free])
 
@@ -131,7 +147,8 @@ class Rotors:
 def solve(box: "Gearbox", case: str | None) -> Loads:
     """Return the torques and speeds of a gearbox in a load case.
 
-    `case` is None for a file without load cases. Raises ValueError if the stages are locked.
+    `case` is the name of the load case, or None for a file without load cases. Raises ValueError if
+    the meshes allow no motion.
     """
     model, rotors = box.model.in_case(case), box.rotors
     notes: list[str] = []
@@ -146,12 +163,15 @@ def solve(box: "Gearbox", case: str | None) -> Loads:
         rotor_torques = sum(
             torques[load.id] * rotors.column(part) for load, part in _external_loads(model)
         )
+        # Each mesh loads its rotors in proportion to the coefficients of its equation. Together the
+        # meshes balance the external torques.
         torques_per_tooth = np.linalg.lstsq(matrix.T, -rotor_torques, rcond=1e-9)[0]
         for stage, torque_per_tooth in zip(rotors.stages, torques_per_tooth, strict=True):
             pinion_torques[stage.name] = -stage.signed_teeth[0] * float(torque_per_tooth)
     relative_speeds = speeds
     if relative_speeds is None:
-        # Choose a motion in which the first stated torque drives.
+        # Choose the direction of motion in which the first stated torque does positive work. The
+        # magnitude of these speeds has no meaning.
         relative_speeds = motions[:, 0]
         for load, part in _external_loads(model):
             if load.number("torque_around_u_axis", "N m"):
@@ -183,7 +203,7 @@ def solve(box: "Gearbox", case: str | None) -> Loads:
 def _external_loads(model) -> list[tuple[Component, Component]]:
     """Return the external loads of a `RexsModel` as pairs (load, part on which it acts).
 
-    Loads on the gear unit or casing are left out, as are loads that transmit no torque.
+    Loads on the gear unit or the casing are left out, as are loads that transmit no torque.
     """
     external_loads = []
     for load in model.of_type("external_load"):
@@ -200,8 +220,10 @@ def _external_loads(model) -> list[tuple[Component, Component]]:
 def _speeds(box, model, rotors, motions, notes) -> np.ndarray | None:
     """Return the speeds of the free rotors in rpm, or None if the file does not state enough.
 
-    `model` is the `RexsModel` in the load case, and `motions` are the free motions of the rotors.
-    A stated speed that contradicts the teeth is added to `notes`, a list of texts.
+    `model` is the `RexsModel` in the load case, and `motions` is a basis of the speeds that the
+    meshes allow, shape (free rotors, f). Shafts marked as defining the speed have priority over
+    others. A stated speed that contradicts the numbers of teeth is added to `notes`, a list of
+    strings.
     """
     stated, defining = [], []
     for part in model.of_type("shaft"):
@@ -216,7 +238,7 @@ def _speeds(box, model, rotors, motions, notes) -> np.ndarray | None:
     columns = np.array([rotors.column(part) for part, _ in defining])
     values = np.array([speed for _, speed in defining])
     if np.linalg.matrix_rank(columns @ motions, 1e-9) < motions.shape[1]:
-        return None
+        return None  # The stated speeds do not determine those of all rotors.
     speeds = motions @ np.linalg.lstsq(columns @ motions, values, rcond=None)[0]
     for part, stated_speed in stated:
         speed = float(rotors.column(part) @ speeds)
@@ -231,11 +253,13 @@ def _speeds(box, model, rotors, motions, notes) -> np.ndarray | None:
 def _torques(box, model, rotors, motions, notes) -> tuple[dict[str, float], InputError | None]:
     """Return the torques of external loads in N m by id, and an error if one of them is missing.
 
-    `model` is the `RexsModel` in the load case, and `motions`, shape (free rotors, f), are the free
-    motions of the rotors. Torques that are not stated follow from the balance of work on the free
-    motions. A stated torque that contradicts the balance is added to `notes`, a list of texts.
+    `model` is the `RexsModel` in the load case, and `motions` is a basis of the speeds that the
+    meshes allow, shape (free rotors, f). In equilibrium all external torques together do no work on
+    any of these motions; this gives the torques that are not stated. A stated torque that
+    contradicts the balance is added to `notes`, a list of strings.
     """
-    # Both lists hold pairs (load, work of a unit torque on the free motions).
+    # `followers` are stated torques that may be corrected. Both lists hold pairs (load, work of a
+    # unit torque on the motions).
     torques, unknown, followers = {}, [], []
     for load, part in _external_loads(model):
         torque = load.number("torque_around_u_axis", "N m")
@@ -253,13 +277,14 @@ def _torques(box, model, rotors, motions, notes) -> tuple[dict[str, float], Inpu
         return torques, InputError("torque_around_u_axis", problem=problem, owner=owner)
 
     def total_work() -> np.ndarray:
-        """Return the work of all torques on the free motions, shape (f,)."""
+        """Return the work of all torques on each motion that the meshes allow, shape (f,)."""
         loads = _external_loads(model)
         return sum(torques[load.id] * (motions.T @ rotors.column(part)) for load, part in loads)
 
     imbalance, scale = total_work(), max(map(abs, torques.values())) * abs(motions).max()
     if not unknown and abs(imbalance).max() > 1e-9 * scale:
-        # Stated torques are rounded, or one of them follows from the others.
+        # The stated torques are rounded, or one of them follows from the others. Correct as many
+        # of them as there are degrees of freedom.
         if not followers:
             for load, part in _external_loads(model):
                 followers.append((load, motions.T @ rotors.column(part)))
@@ -267,7 +292,7 @@ def _torques(box, model, rotors, motions, notes) -> tuple[dict[str, float], Inpu
     if not unknown:
         return torques, None
     work_matrix = np.array([works for _, works in unknown]).T
-    if np.linalg.matrix_rank(work_matrix, 1e-9) < len(unknown):
+    if np.linalg.matrix_rank(work_matrix, 1e-9) < len(unknown):  # too few equations
         problem = "is missing: it must be given for this load, or for all other loads"
         owner = str(unknown[-1][0])
         return torques, InputError("torque_around_u_axis", problem=problem, owner=owner)

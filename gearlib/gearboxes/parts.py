@@ -47,7 +47,7 @@ class Shaft(NamedTuple):
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Coordinates of both ends on the shaft, m; (0, 0) without sections."""
+        """Coordinates of both ends of the shaft along its axis, m; (0, 0) without sections."""
         if not self.sections:
             return 0.0, 0.0
         return self.sections[0].start, self.sections[-1].end
@@ -55,13 +55,14 @@ class Shaft(NamedTuple):
     def integral(self, function: Callable, start: float, stop: float) -> float:
         """Integrate function(u, outer diameter, inner diameter) over the coordinate u on the shaft.
 
-        The limits `start` and `stop` and the arguments of the function, which are arrays, are in m.
-        Gaps between sections do not contribute.
+        The limits `start` and `stop` are in m, like the arguments of the function, which are
+        arrays. Diameters vary linearly along a section. Gaps between sections do not contribute.
         """
         total = 0.0
         for section in self.sections:
             lower, upper = max(start, section.start), min(stop, section.end)
             if upper > lower:
+                # The nodes for the interval from -1 to 1, moved to this part of the section.
                 u = (lower + upper) / 2.0 + (upper - lower) / 2.0 * _NODES
                 fraction = (u - section.start) / (section.end - section.start)
                 outer = section.outer[0] + (section.outer[1] - section.outer[0]) * fraction
@@ -82,7 +83,9 @@ class Shaft(NamedTuple):
     def _flexibility(self, power: int, start: float, stop: float) -> float:
         """Return the integral of (u - start)^power / I_p over the coordinate u from start to stop.
 
-        I_p is the polar moment of area in m^4. Raises ValueError if the sections have gaps there.
+        I_p is the polar moment of area in m^4. The integral determines the torsional stiffness for
+        the power 0, and the bending stiffness for the powers 0, 1 and 2. Raises ValueError if the
+        sections of the shaft have gaps there.
         """
         covered = self.integral(lambda u, outer, inner: np.ones_like(u), start, stop)
         if covered < (stop - start) * (1.0 - 1e-6):
@@ -91,7 +94,7 @@ class Shaft(NamedTuple):
                 "given for the torsional stiffness"
             )
             raise InputError("shaft sections", problem=problem, owner=f"shaft {self.name}")
-        weight = 32.0 / math.pi
+        weight = 32.0 / math.pi  # I_p = pi / 32 (outer^4 - inner^4)
         return self.integral(
             lambda u, outer, inner: weight * (u - start) ** power / (outer**4 - inner**4),
             start,
@@ -103,12 +106,14 @@ class Shaft(NamedTuple):
         return self.shear_modulus / self._flexibility(0, start, stop)
 
     def bending_stiffness(self, start: float, stop: float) -> float:
-        """Return the transverse stiffness between two coordinates in m whose ends do not tilt, N/m.
+        """Return the transverse stiffness between two points of the shaft that do not tilt, N/m.
 
-        It is 12 E I / L^3 for a uniform shaft.
+        The points are coordinates on the shaft in m. The stiffness is 12 E I / L^3 if the shaft is
+        uniform, with Young's modulus E, area moment I and distance L.
         """
         zeroth, first, second = (self._flexibility(power, start, stop) for power in range(3))
-        # The area moment for bending is half the polar one.
+        # The force at ends that do not tilt follows from the beam equation. Its integrals have the
+        # area moment for bending, which is half the polar one.
         return self.material.young / 2.0 / (second - first**2 / zeroth)
 
 
@@ -128,7 +133,10 @@ class Places:
     """Positions and axes of the components of a box, along its directions u, v and w, in m."""
 
     def __init__(self, model: RexsModel):
-        """Find the directions u, v and w of the box; u is the axis of the first gear or shaft."""
+        """Find the directions u, v and w of the box; u is the axis of the first gear or shaft.
+
+        All shafts of the box are parallel to u, and v and w are perpendicular to it.
+        """
         self.model = model
         parts = model.of_type("cylindrical_gear", "shaft")
         frames = [frame for frame in map(self._frame, parts) if frame is not None]
@@ -136,21 +144,25 @@ class Places:
         if frames:
             _, axes = frames[0]
             u = axes[0]
-        # w is close to the third axis of the file or, if u is, to the second one.
+        # w is close to the third axis of the file. If u itself is close to that axis, w is close to
+        # the second one.
         w = next(axis for axis in np.eye(3)[[2, 1]] if abs(axis @ u) < 0.9)
         w = w - (w @ u) * u
         w /= np.linalg.norm(w)
         self.axes = np.stack([u, np.cross(w, u), w])
 
     def _frame(self, part: Component, depth: int = 0) -> tuple | None:
-        """Return the frame of a component in space as (origin in m, axes u, v, w as rows).
+        """Return the position of a component and its axes u, v, w, or None if it is not stated.
 
-        Returns None if its position is not stated. `depth` is the number of frames to which the
-        position has been referred so far; it ends cycles.
+        The result is (origin in m, matrix with the axes as rows), both relative to the gear unit.
+        The file may state a position relative to another component, whose frame is then found
+        first. `depth` is the number of these steps so far, which is limited, because references
+        could form a cycle.
         """
         origin = part.vector("support_vector", "m")
         if origin is None or len(origin) != 3:
             return None
+        # By default the axes are those of the gear unit; v completes a right-handed system.
         u, w = (part.vector(f"{axis}_axis_vector", "mm") for axis in "uw")
         along, up = np.array(u or [1.0, 0.0, 0.0]), np.array(w or [0.0, 0.0, 1.0])
         axes = np.stack([along, np.cross(up, along), up])
@@ -170,7 +182,10 @@ class Places:
         return None if frame is None else self.axes @ frame[0]
 
     def direction(self, part: Component) -> int:
-        """Return 1 if the axis of a component points along u or is unknown, -1 if against u."""
+        """Return 1 if the axis of a component points along u or is unknown, -1 if against u.
+
+        u is the direction of the box to which all shafts are parallel.
+        """
         frame = self._frame(part)
         if frame is None:
             return 1
@@ -181,8 +196,8 @@ class Places:
 def material(model: RexsModel, part: Component, default: Callable) -> tuple[Material, float]:
     """Return the material of a component and its shear modulus, Pa.
 
-    Steel replaces values that the file does not state; then `default` is called with a text that
-    says so and the component, as `Gearbox.default`.
+    Values that the file does not state are those of steel. Then `default` is called with text that
+    says so and with the component; it is the method `Gearbox.default`, which lists default values.
     """
     fields = (
         ("young", "elastic_modulus", "Pa"),
@@ -205,7 +220,11 @@ def material(model: RexsModel, part: Component, default: Callable) -> tuple[Mate
 
 
 def shafts(model: RexsModel, places: Places, default: Callable) -> dict[str, Shaft]:
-    """Return the shafts of a model by the id of their components; see `material` for `default`."""
+    """Return the shafts of a model by the id of their components.
+
+    `default` is called for each material value that the file does not state; it is the method
+    `Gearbox.default`, which lists default values.
+    """
     shafts_by_id = {}
     for part in model.of_type("shaft"):
         sections, end = [], 0.0
@@ -224,9 +243,10 @@ def shafts(model: RexsModel, places: Places, default: Callable) -> dict[str, Sha
 
 
 def _section(component: Component, default_start: float) -> Section:
-    """Return a section of a shaft from its component, or raise ValueError for wrong diameters.
+    """Return a conical section of a shaft, or raise ValueError for wrong diameters.
 
-    `default_start` is the coordinate in m at which it starts if the file states none.
+    `component` is the component of the section in the file. `default_start` is the coordinate in m
+    at which it starts if the file states none: the end of the section before it.
     """
     purpose = "for the stiffness and inertia of the shaft"
     start = component.number("u_coordinate_on_shaft", "m")
@@ -246,9 +266,10 @@ def _section(component: Component, default_start: float) -> Section:
 
 
 def _is_engaged(model: RexsModel, part: Component) -> bool:
-    """Return whether a coupling is engaged, as it is if the file does not state otherwise.
+    """Return whether a coupling is engaged; it is unless the file states otherwise.
 
-    The file may list this for each gear of the box; the gear unit states which gear is shifted.
+    The file may state a list with a value for each gear (speed) of the box. Then the component
+    "gear_unit" states the number of the gear that is shifted.
     """
     engaged = part.value("is_engaged")
     if isinstance(engaged, list):
@@ -259,16 +280,17 @@ def _is_engaged(model: RexsModel, part: Component) -> bool:
 
 
 def springs(model: RexsModel, types: tuple, attribute: str, unit: str) -> list[Spring]:
-    """Return the bearings or couplings of a model, without disengaged couplings.
+    """Return the bearings or couplings of a model as springs, without disengaged couplings.
 
-    `types` are the types of their components; `attribute` is the name of the stiffness in REXS, and
-    `unit` its unit here.
+    `types` are the types of their components in REXS; `attribute` is the name of their stiffness in
+    the file, and `unit` the unit of the result.
     """
     box_springs = []
     for part in model.of_type(*types):
         if not _is_engaged(model, part):
             continue
-        # Couplings of version 1.0 have two sides, without names.
+        # The parts of a spring are related as inner and outer part. Couplings of version 1.0 have
+        # two numbered sides instead.
         for relation, roles, side_names in (
             ("side", ("inner_part", "outer_part"), ("inner_side", "outer_side")),
             ("coupling", ("side_1", "side_2"), ("side_1", "side_2")),

@@ -44,8 +44,9 @@ class Component(NamedTuple):
     def number(self, name: str, unit: str, purpose: str = "") -> float | None:
         """Return an attribute as a number in a unit of `gearlib.units`, or None if it is not given.
 
-        If a `purpose` is given, as in "for the contact ratios", a missing attribute raises a
-        ValueError that names the purpose.
+        The file states the attribute with a unit of its own, which is converted. If a `purpose` is
+        given, as in "for the contact ratios", a missing attribute raises a ValueError that names
+        the purpose.
         """
         value, file_unit = self.attributes.get(name, (None, ""))
         text = str(value).strip().lower()
@@ -63,7 +64,7 @@ class Component(NamedTuple):
             else:
                 number = units.read(f"{text} {spelling}", unit)
         except ValueError:
-            number = math.nan
+            number = math.nan  # raises the error below
         if not math.isfinite(number):
             allowed = "a number"
             if unit != "1":
@@ -72,11 +73,14 @@ class Component(NamedTuple):
         return number
 
     def vector(self, name: str, unit: str) -> list[float] | None:
-        """Return an array as numbers in a unit of `gearlib.units`, or None if it is not given."""
+        """Return an attribute that is an array as a list of numbers, or None if it is not given.
+
+        `unit` is the unit of the results, one of `gearlib.units`.
+        """
         values, file_unit = self.attributes.get(name, (None, ""))
         if not isinstance(values, list):
             return None
-        # Read each entry as if it were the only value of the attribute.
+        # Each entry is read as if it were the only value of the attribute.
         entries = [self._replace(attributes={name: (value, file_unit)}) for value in values]
         return [entry.number(name, unit, "as an array of numbers") for entry in entries]
 
@@ -100,9 +104,10 @@ class RexsModel(NamedTuple):
         return [part for part in self.components.values() if part.type in types]
 
     def related(self, relation: str, **roles: Component) -> Iterator[dict]:
-        """Yield the relations of a type, as dicts: role -> component.
+        """Yield the relations of a type, each as a dict: role -> component.
 
-        `roles` restricts them to relations in which the given components have these roles, as in
+        A relation of the type "assembly", for example, has the roles "assembly" and "part". `roles`
+        restricts the result to relations in which the given components have these roles, as in
         related("assembly", assembly=shaft). Relations with unknown components are ignored.
         """
         for relation_type, references in self.relations:
@@ -117,7 +122,10 @@ class RexsModel(NamedTuple):
         return [parts["part"] for parts in self.related("assembly", assembly=assembly)]
 
     def linked(self, part: Component, component_type: str) -> list[Component]:
-        """Return the components of a type that are in any relation with a component."""
+        """Return the components of a type that are in any relation with a component.
+
+        `part` is the component, and `component_type` is a type such as "tip_relief".
+        """
         linked_parts = []
         for _, references in self.relations:
             keys = [key for _, key in references]
@@ -126,26 +134,37 @@ class RexsModel(NamedTuple):
         return [other for other in linked_parts if other.type == component_type]
 
     def referenced(self, origin: Component, *types: str) -> Component | None:
-        """Return the first component of the given types to which `origin` refers, or None."""
+        """Return the first component of the given types to which `origin` refers, or None.
+
+        A gear, for example, refers to its material by a relation of the type "reference".
+        """
         for parts in self.related("reference", origin=origin):
             if parts["referenced"].type in types:
                 return parts["referenced"]
         return None
 
     def load_fractions(self) -> dict[str, float]:
-        """Return the load cases and their fractions of the load duration, NaN if not stated."""
+        """Return a dict: load case -> its fraction of the load duration, NaN if not stated.
+
+        The attribute with the fraction may belong to any component that the load case changes.
+        """
         fractions = {}
         for name, changes in self.load_cases.items():
             fractions[name] = math.nan
             for key, attributes in changes.items():
                 for attribute in attributes:
                     if attribute.endswith(_FRACTIONS):
+                        # The component only serves to read the number.
                         part = Component(key, "load case", name, attributes)
                         fractions[name] = part.number(attribute, "1") or 0.0
         return fractions
 
     def in_case(self, name: str | None) -> "RexsModel":
-        """Return a copy of the model with the values of a load case; None means no load case."""
+        """Return a copy of the model with the values of a load case.
+
+        `name` is the load case; None means no load case. Attributes that the load case does not
+        state keep their values.
+        """
         changes = self.load_cases[name] if name else {}
         components = {
             key: part._replace(attributes=part.attributes | changes.get(key, {}))
@@ -157,12 +176,14 @@ class RexsModel(NamedTuple):
 def read(path: Any) -> RexsModel:
     """Return the content of a REXS file: .rexs, .rexsj, .rexsz or .rexs.zip.
 
-    Raises FileNotFoundError, or ValueError if the file is damaged or of another version.
+    The format follows from the content: a ZIP archive, JSON or XML. Raises FileNotFoundError, or
+    ValueError if the file is damaged or of another version.
     """
     content = Path(path).read_bytes()
     try:
-        if content[:2] == b"PK":
+        if content[:2] == b"PK":  # a ZIP archive
             content = _model_in_archive(content)
+        # JSON begins with a brace behind an optional byte order mark and white space.
         if content.lstrip(b"\xef\xbb\xbf \r\n\t")[:1] == b"{":
             tree = json.loads(content.decode("utf-8-sig"))
             return _model(tree.get("model", tree))
@@ -174,7 +195,11 @@ def read(path: Any) -> RexsModel:
 
 
 def _model_in_archive(content: bytes) -> bytes:
-    """Return the content of the model file in a ZIP archive, which has the shortest path."""
+    """Return the content of the model file in a ZIP archive.
+
+    If there are several, it is one in the outermost folder, with the shortest path. `content` is
+    the archive itself.
+    """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(_SUFFIXES)]
         if not names:
@@ -183,7 +208,10 @@ def _model_in_archive(content: bytes) -> bytes:
 
 
 def _from_xml(root: ElementTree.Element) -> dict:
-    """Convert an XML model to the dicts and lists of a JSON model."""
+    """Convert an XML model to the dicts and lists of a JSON model.
+
+    `root` is the root of the XML tree.
+    """
     for element in root.iter():
         element.tag = str(element.tag).rpartition("}")[2]  # without a namespace
     model = root if root.tag == "model" else root.find(".//model")
@@ -202,10 +230,11 @@ def _from_xml(root: ElementTree.Element) -> dict:
 
 
 def _xml_entries(parent: ElementTree.Element | None, tag: str, child_tag: str) -> list[dict]:
-    """Convert the elements with a tag directly below a parent to the dicts of a JSON model.
+    """Convert XML elements to the dicts of a JSON model, and return these as a list.
 
-    A dict holds the XML attributes of the element and, under the plural of `child_tag`, the list of
-    its children. Without a parent, None, the list is empty.
+    The elements are those with the tag `tag` directly below `parent`; without a parent, None, there
+    are none. A dict has the XML attributes of its element and, under the plural of `child_tag`, the
+    list of its converted children.
     """
     entries = []
     for element in [] if parent is None else parent.findall(tag):
@@ -215,9 +244,9 @@ def _xml_entries(parent: ElementTree.Element | None, tag: str, child_tag: str) -
 
 
 def _xml_value(element: ElementTree.Element) -> dict:
-    """Return {"value": text} for an attribute of a component, or {} for other elements.
+    """Return {"value": string} for an attribute of a component, or {} for other elements.
 
-    The value of an array is the list of the texts of its cells.
+    The value of an array is a list with the strings of its cells, the elements <c>.
     """
     if element.tag != "attribute":
         return {}
@@ -228,8 +257,12 @@ def _xml_value(element: ElementTree.Element) -> dict:
 
 
 def _model(tree: dict) -> RexsModel:
-    """Return the content of a JSON model, whose names are made unique."""
+    """Return the content of a JSON model, in which names of components are made unique.
+
+    Raises ValueError if the version of the format is not supported.
+    """
     version = str(tree.get("version") or "")
+    # -1 stands for a part of the version that is no number, and is refused.
     numbers = tuple(int(text) if text.isdigit() else -1 for text in version.split(".")[:2])
     allowed = f"a version of REXS from 1.0 to {'.'.join(map(str, _NEWEST))}"
     checks.require((1, 0) <= numbers <= _NEWEST, "version", version or None, allowed)
@@ -255,12 +288,15 @@ def _model(tree: dict) -> RexsModel:
 
 
 def _components(node: dict) -> dict[str, Component]:
-    """Return the components of a JSON model or load case: id -> component."""
+    """Return the components of a JSON model or load case as a dict: id -> component.
+
+    `node` is the dict of the model or load case.
+    """
     components = {}
     for part in node.get("components") or []:
         attributes = {}
         for entry in part.get("attributes") or []:
-            # In JSON the key of the value is its type.
+            # In JSON the key of the value is the name of its type, such as "floating_point".
             values = [value for key, value in entry.items() if key not in ("id", "unit")]
             attributes[entry["id"]] = (values[0] if values else None, entry.get("unit") or "")
         name = " ".join(str(part.get("name") or part["type"]).split())

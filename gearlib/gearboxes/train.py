@@ -35,10 +35,10 @@ class _Node:
     """Parts that turn as one body, between two coordinates of a shaft."""
 
     def __init__(self, parts: list, shaft: Any = None, start: float = 0.0, end: float = 0.0):
-        """Create a node of components without mass.
+        """Create a node, a set of components that turn as one body, without mass so far.
 
-        `shaft` is the component of the shaft, None for a carrier; `start` and `end` are coordinates
-        on it in m.
+        `shaft` is the component of its shaft, None for a carrier; `start` and `end` are the
+        coordinates on the shaft, in m, between which the node lies.
         """
         self.parts, self.shaft, self.start, self.end = parts, shaft, start, end
         self.mass = self.inertia = self.torque = self.torsional_stiffness = 0.0
@@ -49,7 +49,10 @@ class _Node:
 
     @property
     def gear(self) -> Component | None:
-        """The gear among the parts, or None; raises ValueError if there are several."""
+        """The gear among the components of the node, or None.
+
+        Raises ValueError if there are several, because a body of a train can have only one gear.
+        """
         gears = [part for part in self.parts if part.type.endswith("_gear")]
         if len(gears) > 1:
             problem = "are joined rigidly, which is not allowed: a shaft must lie between them"
@@ -71,7 +74,10 @@ class _Node:
         return self if self.owner is self else self.owner.body()
 
     def join(self, other: "_Node") -> None:
-        """Join the body of another node to the body of this node, which gets its mass and loads."""
+        """Join the body of another node to the body of this node, which gets its mass and loads.
+
+        The support of the joined body is the sum of both supports, as far as they are known.
+        """
         body, other_body = self.body(), other.body()
         if body is other_body:
             return
@@ -93,8 +99,10 @@ class _Assembly:
     def __init__(self, box, load_case, bearing_stiffness, gears: dict[str, SpurGear]):
         """Create the nodes and springs of all shafts that take part in a mesh.
 
-        `load_case` is a name or None for the first one, `bearing_stiffness` in N/m replaces the
-        stated stiffnesses unless it is None, and `gears` maps ids of components to geometries.
+        A node is a set of parts that turn as one body, and springs are elastic parts between two
+        nodes. `load_case` is a name, or None for the first one. Unless it is None,
+        `bearing_stiffness` in N/m replaces all stated values. `gears` maps ids of components to
+        geometries.
         """
         self.box, self.model, self.gears = box, box.model, gears
         self.loads = box.loads(load_case)
@@ -118,7 +126,11 @@ class _Assembly:
         self._add_couplings()
 
     def _add_carrier(self, carrier: Component) -> None:
-        """Add the node of a planet carrier with its side plates and pins."""
+        """Add a node for a planet carrier with its side plates and pins.
+
+        The mass and inertia of the node are those of these parts; a pin lies at the radius of the
+        planets. The ids of all parts are stored, so that the node can be found by them.
+        """
         node = _Node([carrier])
         self.nodes.append(node)
         rotor = self.box.rotors.rotor(carrier.id)
@@ -145,7 +157,9 @@ class _Assembly:
     def _items(self, part: Component) -> list[tuple]:
         """Return all that a shaft carries as tuples (start, end, component), in their order.
 
-        `start` and `end` are coordinates on the shaft in m, equal for loads and springs.
+        These are gears, loads, couplings, elastic bearings and carriers. `start` and `end` are
+        coordinates on the shaft in m, which are equal for all items but gears. `part` is the
+        component of the shaft.
         """
         items = [
             (*self.box.face(gear), gear)
@@ -169,7 +183,12 @@ class _Assembly:
         return sorted(items, key=lambda item: item[:2])
 
     def _is_welded(self, part: Component, carrier_id: str) -> bool:
-        """Return whether a shaft turns with a carrier and no coupling joins it to another part."""
+        """Return whether a shaft and a planet carrier are one piece.
+
+        `part` is the component of the shaft. They are one piece if they belong to the same rotor, a
+        set of parts that turn together, and no coupling joins the shaft to another part than the
+        casing.
+        """
         rotors = self.box.rotors
         if rotors.rotor(part.id) != rotors.rotor(carrier_id):
             return False
@@ -180,7 +199,11 @@ class _Assembly:
         return True
 
     def _add_shaft(self, part: Component) -> None:
-        """Add the nodes and springs of a shaft, given by its component."""
+        """Add the nodes of a shaft, given by its component, and the springs between them.
+
+        Each gear has a node of its own. An item that touches the previous node is added to this
+        node, and so is each item of a shaft without sections, which has no elasticity.
+        """
         shaft, nodes = self.box.shafts[part.id], []
         for start, end, item in self._items(part):
             previous = nodes[-1] if nodes else None
@@ -212,10 +235,13 @@ class _Assembly:
     def _distribute_shaft(self, shaft, nodes: list[_Node]) -> None:
         """Add the mass and inertia of a shaft to its nodes, and the springs between them.
 
-        `shaft` is a `gearlib.gearboxes.parts.Shaft`; the nodes are in the order of their
+        The springs are the free lengths of the shaft between two nodes, and half of their mass and
+        inertia goes to each of these. The rest belongs to the node that it passes or at which it
+        ends. `shaft` is a `gearlib.gearboxes.parts.Shaft`; the nodes are in the order of their
         coordinates.
         """
-        left = shaft.ends[0]  # where the part of the shaft that belongs to a node begins
+        # Between `left` and `right` the shaft belongs to a node; then a spring follows.
+        left = shaft.ends[0]
         for node, following in zip(nodes, [*nodes[1:], None], strict=True):
             if following is None:
                 right, next_left = shaft.ends[1], 0.0
@@ -238,10 +264,11 @@ class _Assembly:
             left = next_left
 
     def _set_support(self, node: _Node, part: Component) -> None:
-        """Set the stiffness of the axis of a node on a shaft, given by its component.
+        """Set the stiffness at which a node of a shaft is supported across its axis.
 
-        It is the sum of the bearings at the node if all bearings of the shaft are elastic, else
-        infinite; without bearings it stays None.
+        `part` is the component of the shaft. If all of its bearings are elastic, the stiffness is
+        the sum of those at the node, which may be 0; if one of them is rigid, it is infinite.
+        Without bearings it stays None (unknown).
         """
         on_shaft = _bearings_of(part, self.box.bearings)
         elastic = _bearings_of(part, self.bearings)
@@ -254,7 +281,9 @@ class _Assembly:
     def _gear_mass_and_inertia(self, gear: Component, shaft) -> tuple[float, float]:
         """Return the mass (kg) and moment of inertia (kg m^2) of a gear without its shaft.
 
-        `shaft` is the `gearlib.gearboxes.parts.Shaft` inside the gear.
+        An external gear is a cylinder of its reference diameter around the shaft, a ring gear a
+        ring from there to its outer diameter. `shaft` is the `gearlib.gearboxes.parts.Shaft` of the
+        gear.
         """
         geometry = self.gears[gear.id]
         width, diameter = geometry.width, geometry.reference_diameter
@@ -263,6 +292,7 @@ class _Assembly:
             moments = [width * (geometry.outer_diameter**n - diameter**n) for n in (2, 4)]
         else:
             face = self.box.face(gear)
+            # Where the shaft is thicker than the gear, nothing of the gear remains.
             bore_moments = [
                 shaft.integral(lambda u, outer, inner: np.minimum(outer, diameter) ** 2, *face),
                 shaft.integral(lambda u, outer, inner: np.minimum(outer, diameter) ** 4, *face),
@@ -274,7 +304,8 @@ class _Assembly:
     def _add_couplings(self) -> None:
         """Join the nodes at both ends of each coupling, or hold a node coupled to the casing.
 
-        A rigid coupling joins two nodes to one body, an elastic one adds a spring.
+        A rigid coupling joins two nodes to one body, an elastic one adds a spring. A coupling to
+        the casing gives the body a torsional stiffness, which is infinite if the coupling is rigid.
         """
         for coupling in self.box.couplings:
             end_nodes = []
@@ -294,26 +325,33 @@ class _Assembly:
                         continue
                     body = node.body()
                     body.torsional_stiffness += math.inf if is_rigid else coupling.stiffness
+                    # A rigid coupling to the casing also keeps the axis from moving.
                     body.support = math.inf if is_rigid else body.support
 
     def _pin_angles(self) -> dict[str, tuple]:
-        """Return rotor of a planet -> (stage, angle of its pin on the carrier in rad)."""
+        """Return a dict: rotor of a planet -> (stage, angle of its pin on the carrier in rad).
+
+        A rotor is a set of parts that turn together, here those on the shaft of the planet. The
+        angle is the direction from the central gear (sun or ring) to the planet.
+        """
         pin_angles: dict[str, tuple] = {}
         for stage in self.box.stages.values():
             if stage.carrier:
                 planet = self.box.planet(stage)
                 angle = self.box.centre_line_angle(stage)
-                # Turn the direction from pinion to wheel to that from central gear to planet.
+                # The line of centres points from pinion to wheel. If the planet is the pinion, the
+                # direction from the central gear to the planet is the opposite one.
                 angle += 0.0 if stage.wheel.id == planet.id else math.pi
                 rotor = self.box.rotors.rotor(self.box.shaft_of[planet.id].id)
                 pin_angles.setdefault(rotor, (stage, math.remainder(angle, math.tau)))
         return pin_angles
 
     def _body(self, node: _Node, pin_angles: dict[str, tuple], structural_damping: float) -> Body:
-        """Return the `Body` of a node that represents all nodes joined to it.
+        """Return the `Body` of a gear train for a node that represents all nodes joined to it.
 
-        `pin_angles` is the result of `_pin_angles`, and `structural_damping` the ratio of damping
-        to stiffness in s. Raises ValueError if the inertia is unknown.
+        `pin_angles` maps the rotor of a planet to (stage, angle of its pin on the carrier in rad),
+        and `structural_damping` is the ratio of damping to stiffness in s. Raises ValueError if the
+        inertia is unknown.
         """
         gear, fields = node.gear, {}
         rotor = self.box.rotors.rotor(node.shaft.id if node.shaft else node.parts[0].id)
@@ -321,7 +359,7 @@ class _Assembly:
             stage, fields["angle"] = pin_angles[rotor]
             fields["carrier"] = self.rigid_parts[stage.carrier].body().name
         carriers = [part for part in node.parts if part.type == "planet_carrier"]
-        # The radius does not matter for a body that is neither a gear nor a carrier.
+        # A body that is neither a gear nor a carrier needs no radius, so that any number serves.
         radius = self.box.pin_radius(carriers[0]) if carriers else 0.01
         if gear:
             radius = self.gears[gear.id].base_diameter / 2.0
@@ -346,7 +384,7 @@ class _Assembly:
         )
 
     def bodies_and_shafts(self, structural_damping: float) -> tuple[list[Body], list[Shaft]]:
-        """Return the bodies and shafts of the train.
+        """Return the bodies of the gear train, and its shafts, the springs between bodies.
 
         `structural_damping` is the ratio of damping to stiffness in s.
         """
@@ -359,7 +397,8 @@ class _Assembly:
         for node_1, node_2, stiffness, bending_stiffness in self.springs:
             body_1, body_2 = node_1.body(), node_2.body()
             if body_1.name == body_2.name:
-                continue
+                continue  # A rigid coupling has joined both ends.
+            # Bending has no effect between bodies that cannot move across their axes.
             if body_1.support in (None, math.inf) and body_2.support in (None, math.inf):
                 bending_stiffness = 0.0
             shafts.append(
@@ -388,7 +427,12 @@ def build(
     reference: str | None,
     **mesh_options: Any,
 ) -> GearTrain:
-    """Return the gear train of a gearbox; see `Gearbox.train` for the arguments."""
+    """Return the gear train of a whole gearbox in a load case.
+
+    `bearing_stiffness` in N/m replaces the stated values unless it is None, `structural_damping` is
+    the ratio of damping to stiffness in s, and `reference` is the stage whose mesh sets the scales.
+    `mesh_options` describe damping and stiffness of the meshes, as in `Gearbox.train`.
+    """
     loads = box.loads(load_case)
     if loads.missing is not None:
         raise loads.missing
@@ -404,6 +448,7 @@ def build(
     carrier_speeds = {
         loads.motion_of(box, stage.carrier) for stage in box.stages.values() if stage.carrier
     }
+    # A train with planets is described in the frame that turns with their carriers.
     frame_speed = carrier_speeds.pop() if carrier_speeds else 0.0
     if any(abs(other - frame_speed) > 1e-9 * abs(frame_speed) for other in carrier_speeds):
         raise ValueError(
@@ -414,7 +459,8 @@ def build(
         name: loads.motion_of(box, box.shaft_of[stage.pinion.id].id) - frame_speed
         for name, stage in box.stages.items()
     }
-    # A pinion that stands still among the planets cannot set the scale of speeds.
+    # The speed of the reference pinion in this frame is the scale of all speeds, so that it must
+    # not be 0.
     least_speed = 1e-9 * max(map(abs, speeds_in_frame.values()))
     choices = [name for name, speed in speeds_in_frame.items() if abs(speed) > least_speed]
     reference = checks.one_of("reference", reference or choices[0], choices)
@@ -430,13 +476,15 @@ def build(
 def _meshes(box: "Gearbox", loads, geometries: dict, mesh_options: dict) -> list[Mesh]:
     """Return the meshes of the stages of a gearbox under the torques of its `Loads`.
 
-    `geometries` maps the name of a stage to its `GearStage`; `mesh_options` are passed to its
-    `train_parameters`.
+    `geometries` maps the name of a stage to its `GearStage`. `mesh_options` are the arguments of
+    `GearStage.train_parameters` for damping and stiffness.
     """
+    # Half of each mesh force; the factor does not matter, as forces are only compared.
     forces = {
         name: abs(loads.pinion_torques[name]) / geometries[name].pinion.base_diameter
         for name in box.stages
     }
+    # Meshes without a load get a very small one, because the model needs a load above 0.
     least_force = _LEAST_LOAD * max(forces.values())
     # The equal meshes of a planetary stage have the same parameters, which are computed once.
     parameters: dict = {}
@@ -449,8 +497,10 @@ def _meshes(box: "Gearbox", loads, geometries: dict, mesh_options: dict) -> list
             parameters[key] = geometry.train_parameters(torque=magnitude, **mesh_options)
         position, sign = box.centre_line_angle(stage), 1.0
         if stage.internal:
-            # The position of an internal mesh is the direction from the wheel to the pinion.
+            # The position of an internal mesh is the direction from the wheel to the pinion,
+            # and its direction of load is that of the wheel.
             position, sign = position + math.pi, -1.0
+        # A torque in the direction of rotation does positive work.
         pinion_drives = torque * loads.motions[name] >= 0.0
         meshes.append(
             Mesh(
