@@ -347,8 +347,10 @@ def seconds_per_period(run: Callable, short_periods: int, max_periods: int, repe
 
 @kernel
 def _evolve_repeatedly(level, u, v, t, count):
-    # Advance displacement u and velocity v by `count` steps of length t, with the coefficients
-    # `level` of the exact solution at a constant stiffness.
+    """Advance displacement u and velocity v by `count` steps of length t; return both.
+
+    `level` has the coefficients of the exact solution at a constant stiffness.
+    """
     for _ in range(count):
         u, v = evolve(level, u, v, t)
     return u, v
