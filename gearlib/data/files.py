@@ -28,15 +28,16 @@ td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 </table>
 </html>
 """
-#: Source files that determine the hash in datasets: the library, or the files that a job declares.
+#: Source files that determine the hash in datasets: the library, or the files that a task declares.
 _sources = sorted(Path(__file__).parents[1].rglob("*.py"))
 
 
 @contextmanager
 def replacing(path):
-    """Yield a temporary path to write to, which atomically replaces `path` on success.
+    """Yield a temporary path to write to, and replace `path` by it if the block succeeds.
 
-    Missing folders are created. The temporary path has the suffix of `path`. If the block raises an
+    The replacement is atomic: no reader sees an incomplete file. Missing folders are created. The
+    temporary file lies in the same folder and has the suffix of `path`. If the block raises an
     error, the temporary file is removed.
     """
     path = Path(path)
@@ -50,10 +51,11 @@ def replacing(path):
 
 
 def remove_leftovers(folder):
-    """Remove the temporary files of killed processes in `folder` and its subfolders.
+    """Remove the temporary files that killed processes have left in `folder` and its subfolders.
 
-    No other process may write there at the same time, because its temporary files would be removed
-    too.
+    The names of such files are a dot, the number of the process, a dot and the name of the final
+    file. No other process may write there at the same time, because its temporary files would be
+    removed too.
     """
     for path in folder.rglob(".*"):
         if re.match(r"\.\d+\.", path.name):
@@ -67,12 +69,14 @@ def write_table(rows, path):
 
 
 def write_table_page(csv_path, path, caption=""):
-    """Write the table in a CSV file to an HTML page, atomically, with the text `caption` above it.
+    """Write the table in a CSV file to an HTML page, atomically.
 
-    The first row of the CSV file is the header, in which ``_`` becomes a space.
+    The text `caption` stands above the table. The first row of the CSV file is the header, in which
+    ``_`` becomes a space.
     """
 
     def html_row(tag, cells):
+        """Return a row of the HTML table; `tag` is "th" for header cells, "td" for others."""
         html_cells = [f"<{tag}>{escape(cell)}</{tag}>" for cell in cells]
         return f"<tr>{''.join(html_cells)}</tr>"
 
@@ -87,12 +91,13 @@ def write_table_page(csv_path, path, caption=""):
 
 
 def canonical_json(value):
-    """Return a value as compact JSON with sorted keys, so that equal values have equal texts.
+    """Return a value as compact JSON with sorted keys, so that equal values give equal strings.
 
     Infinite numbers become "inf" or "-inf"; fractions and numpy scalars become plain numbers.
     """
 
     def to_json_types(value):
+        """Return the value with dicts, lists, strings and plain numbers only, also inside."""
         if isinstance(value, dict):
             return {str(key): to_json_types(item) for key, item in value.items()}
         if isinstance(value, (list, tuple)):
@@ -115,11 +120,13 @@ def declare_sources(paths):
 
 
 def source_hash():
-    """Return 16 hexadecimal digits of the SHA-256 hash of the source files.
+    """Return the first 16 hexadecimal digits of the SHA-256 hash of the source files.
 
-    They are the files set by `declare_sources`, or all files of the library.
+    They are the files set by `declare_sources`, by default all files of the library. Datasets store
+    the hash, which shows by which program they were computed.
     """
     digest = hashlib.sha256()
     for path in _sources:
+        # The folder does not count, so that the hash is the same on all machines.
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]

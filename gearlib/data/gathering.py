@@ -25,11 +25,12 @@ _PHASE_PLANE_VARIABLES = {"displacement", "velocity", "contact"}
 
 
 def gather_resonance(shards):
-    """Return one dataset over (damping, direction, tuning) from partial results of `gearlib.sweep`.
+    """Return one dataset over (damping, direction, tuning) from the parts of several sweeps.
 
-    Each shard is a sweep over a window of tunings, with scalar coordinates `damping` and
-    `direction`. At tunings that only downward sweeps reach, the other sweeps are NaN with the
-    status `NO_START`. Raises ValueError if the tunings of sweeps differ in another way.
+    Each part, a shard, is a result of `gearlib.sweep` over a window of tunings (mesh frequency over
+    natural frequency), with scalar coordinates `damping` and `direction`. At tunings that only
+    downward sweeps reach, the other sweeps are NaN with the status `NO_START`. Raises ValueError if
+    the tunings of sweeps differ in another way.
     """
     sweeps = []
     for shards_of_damping in _group_by(shards, "damping"):
@@ -45,32 +46,36 @@ def _extend_downwards(sweep, longest_sweep):
     """Return a sweep padded with NaN at the lower tunings that only `longest_sweep` reaches.
 
     The sweep is returned unchanged unless `longest_sweep` goes downwards and both have the same
-    highest tunings.
+    highest tunings. A tuning is the mesh frequency over the natural frequency.
     """
     tunings, all_tunings = sweep.tuning.values, longest_sweep.tuning.values
     has_same_end = np.array_equal(tunings, all_tunings[-tunings.size :])
     if longest_sweep.direction != "down" or not has_same_end:
         return sweep
+    # Integer variables cannot be NaN. The period 0 means a motion that has not settled.
     fill_values = {"period": np.int32(0), "status": np.int8(status.NO_START)}
     extended = sweep.reindex(tuning=all_tunings, fill_value=fill_values)
+    # Scales such as the speed depend only on the tuning and are known without a run.
     return extended.assign({name: longest_sweep[name] for name in TUNING_SCALES & set(sweep)})
 
 
 def gather_phase_planes(shards):
     """Return displacement, velocity and contact over (damping, tuning, phase), with summaries.
 
-    Each shard is a dataset of `gearlib.simulate` with a scalar coordinate `damping`. The phase is 0
-    at the start of the record. Raises ValueError if tunings differ between dampings, or recorded
-    phases between runs.
+    Each of the `shards` is a dataset of `gearlib.simulate` with a scalar coordinate `damping`. The
+    phase is 0 at the start of the record. Raises ValueError if tunings (mesh frequency over natural
+    frequency) differ between values of the damping, or recorded phases between runs.
     """
     return _concatenate_by_damping(map(_phase_plane, shards), "tuning", PAIR_SCALES)
 
 
 def _phase_plane(run):
-    """Return the variables of a run for a phase plane, with the tuning as a coordinate.
+    """Return the variables of a run that a plot of velocity over displacement needs.
 
-    The phase is counted from the start of the record.
+    `run` is a dataset of `gearlib.simulate`. Its tuning becomes a coordinate, and the phase is
+    counted from the start of the record.
     """
+    # Variables over the phase or the events; only some of them are kept.
     time_histories = {name for name in run.data_vars if {"phase", "event"} & {*run[name].dims}}
     phase = (run.phase - run.phase[0]).assign_attrs(run.phase.attrs)
     phase.attrs["long_name"] = "mesh phase from the start of the record"
@@ -81,18 +86,19 @@ def _phase_plane(run):
 def gather_failures(columns):
     """Return the verdicts on methods over (problem, trial) as one dataset.
 
-    `columns` holds a dataset for each method, called a trial, which the function
+    `columns` holds a dataset over the problems for each method, called a trial, which the function
     `gearlib.studies.trials.failures.judge_method` returns. Methods keep their order. Raises
     ValueError if their problems differ.
     """
+    # Variables over the problems alone are the same for all methods.
     shared_names = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
     return _concatenate(columns, "trial", shared_names)
 
 
 def _group_by(datasets, coordinate):
-    """Return lists of datasets with equal values of a scalar `coordinate`, in order of appearance.
+    """Return lists of datasets that have the same value of a scalar coordinate.
 
-    `coordinate` is the name of the coordinate.
+    `coordinate` is its name. The lists are in the order in which their values first appear.
     """
     groups = {}
     for dataset in datasets:
@@ -103,8 +109,8 @@ def _group_by(datasets, coordinate):
 def _concatenate_by_damping(datasets, dim, shared_names):
     """Return datasets concatenated along `dim` for each damping, then along `damping`.
 
-    `shared_names` are the names of variables that do not vary along `dim`. Scales do not vary along
-    `damping`.
+    `shared_names` are the names of variables that do not vary along `dim`. The factors that convert
+    results to SI units do not vary along `damping` either.
     """
     groups = _group_by(datasets, "damping")
     by_damping = [_concatenate(group, dim, shared_names) for group in groups]
@@ -114,8 +120,9 @@ def _concatenate_by_damping(datasets, dim, shared_names):
 def _concatenate(datasets, dim, shared_names):
     """Return datasets concatenated along `dim`.
 
-    The variables `shared_names` must be equal in all datasets and do not get the dimension. They
-    are named, because by default xarray decides by the values which variables get it.
+    The variables `shared_names` must be equal in all datasets and do not get the dimension;
+    otherwise ValueError is raised. They are given by name, because by default xarray decides by the
+    values which variables get the dimension.
     """
     names = [name for name in datasets[0].data_vars if name in shared_names]
     shared, *other_shared = [dataset[names].drop_vars(dim, errors="ignore") for dataset in datasets]

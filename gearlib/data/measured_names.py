@@ -55,12 +55,13 @@ _WRITTEN_UNITS = {"min-1": "rpm", "m s-1": "m/s", "m s-2": "m/s^2"}
 
 
 def units_and_description(name):
-    """Return (CF units, description) of the measured quantity `name`, or None if it is unknown.
+    """Return (CF units, description) of a measured quantity, or None if its name is unknown.
 
-    Names of observables may have a suffix, as in ``acceleration_bearing_2``; names of coordinates
-    and speeds may not.
+    Names of observables may have a suffix, as in ``acceleration_bearing_2``, which is added to the
+    description; names of coordinates and speeds may not.
     """
     base_names = [base for base in KNOWN_QUANTITIES if name == base or name.startswith(f"{base}_")]
+    # The longest name counts, as "displacement_max" begins with "displacement" too.
     base_name = max(base_names, key=len, default=None)
     if base_name is None or (base_name != name and base_name not in OBSERVABLES):
         return None
@@ -69,10 +70,10 @@ def units_and_description(name):
 
 
 def allowed_units(units):
-    """Return the units that a measured channel may have, as (CF notation, usual notation).
+    """Return the units that a measured channel may have, as a list of (CF, usual notation).
 
-    `units` are the CF units of the observable, or "" for an amplitude of any kind. The unit "1"
-    means that values are relative to a scale of the model.
+    `units` are the CF units of the observable, or "" for an amplitude, which may have any of
+    `_AMPLITUDE_UNITS`. The unit "1" means that values are relative to a scale of the model.
     """
     allowed = _AMPLITUDE_UNITS if units == "" else (units,)
     if units in ("m", "N", "m s-1", "m s-2"):

@@ -23,7 +23,10 @@ def float_array(numbers):
 
 
 def true_intervals(condition):
-    """Return the first and the last index of each interval of true values in `condition`, (n,)."""
+    """Return (first index, last index) of each interval of true values in a sequence.
+
+    `condition`, shape (n,), holds the bool values; an interval is a run of successive true values.
+    """
     padded = np.concatenate([[0], np.asarray(condition, np.int8), [0]])
     changes = np.flatnonzero(np.diff(padded))
     # Intervals start at the even changes and end before the odd changes.
@@ -38,7 +41,11 @@ def largest_force(data):
 
 
 def force_ratio(data):
-    """Return the ratio of largest to static mesh force in a dataset that has this variable."""
+    """Return the ratio of largest to static mesh force in a dataset.
+
+    It is called dynamic_factor in models with pairs of teeth under load, and peak_force_ratio in
+    models with a given stiffness.
+    """
     if "dynamic_factor" in data:
         return data["dynamic_factor"]
     return data["peak_force_ratio"]
@@ -47,9 +54,9 @@ def force_ratio(data):
 def mask_unbounded(sweep, extent):
     """Return a result of `gearlib.sweep` with NaN at tunings where the motion is unbounded.
 
-    `extent` is the largest length of the model in static deflections, `Model.extent`. Motions
-    beyond `MAX_RELATIVE_DISPLACEMENT` times this length count as unbounded. Integer variables such
-    as the status are kept.
+    `extent` is the largest length of the model, such as its backlash, in static deflections.
+    Motions beyond `MAX_RELATIVE_DISPLACEMENT` times this length count as unbounded. Integer
+    variables such as the status are kept.
     """
     displacement = np.maximum(abs(sweep.displacement_max), abs(sweep.displacement_min))
     other_dims = [dim for dim in displacement.dims if dim != "tuning"]
@@ -64,8 +71,8 @@ def mask_unbounded(sweep, extent):
 def period_spread(run):
     """Return the largest difference of displacements at the same phase of different mesh periods.
 
-    It is relative to the peak-to-peak displacement. `run` is a result of `gearlib.simulate`. If the
-    spread is below `LINE_WIDTH`, all mesh periods coincide in plots.
+    It is relative to the peak-to-peak displacement. `run` is a result of `gearlib.simulate`. If it
+    is below `LINE_WIDTH`, all mesh periods coincide in plots.
     """
     import pandas
 
@@ -81,7 +88,11 @@ def describe_unsettled(run):
 
 
 def describe_settling(run):
-    """Return a phrase on the period of the orbit on which a run settles after its record."""
+    """Return a phrase on the periodic orbit on which a run settles after its record.
+
+    `run` is a result of `gearlib.simulate`. Its variable `period` is the number of mesh periods
+    after which the motion repeats, 0 if it has not settled.
+    """
     period = int(run.period)
     if period == 0:
         return describe_unsettled(run)
@@ -90,7 +101,11 @@ def describe_settling(run):
 
 
 def describe_steadiness(run):
-    """Return a phrase on whether mesh periods of a run coincide in a plot and how it settles."""
+    """Return a phrase on whether the mesh periods of a run coincide in a plot, and how it settles.
+
+    `run` is a result of `gearlib.simulate`; its `period` is the number of mesh periods after which
+    the settled motion repeats.
+    """
     settling = describe_settling(run)
     if period_spread(run) > LINE_WIDTH:
         return f"unsteady, {settling}"
@@ -103,8 +118,8 @@ def describe_steadiness(run):
 def describe_contact_loss(sweeps):
     """Return a sentence on the speeds at which pairs of teeth lose contact in sweeps.
 
-    `sweeps` is a dataset of one or more results of `gearlib.sweep`, over ``tuning`` and possibly
-    further dimensions.
+    `sweeps` is a dataset of one or more results of `gearlib.sweep`, over ``tuning`` (mesh frequency
+    over natural frequency) and possibly further dimensions.
     """
     other_dims = [dim for dim in sweeps.contact_loss_fraction.dims if dim != "tuning"]
     loses_contact = (sweeps.contact_loss_fraction > FRACTION_TOLERANCE).any(other_dims).values
@@ -125,14 +140,14 @@ def describe_contact_loss(sweeps):
 def describe(run, start="rest"):
     """Return a sentence on the period and the contact loss of a run of `gearlib.simulate`.
 
-    `start` names the state from which the motion started. If the run failed, the sentence is the
-    message of its status.
+    `start` names the state from which the motion started. If the run failed, its status is not 0,
+    and the sentence is the message of the status.
     """
     if int(run.status):
         return run.status.attrs["message"]
     period = int(run.period)
     if period == 0:
-        motion = f"has {describe_unsettled(run)}"
+        motion = f"has {describe_unsettled(run)}"  # 0: the motion has not settled
     elif period == 1:
         motion = "repeats every mesh period"
     else:

@@ -22,9 +22,9 @@ _contact_counts: ContextVar[list | None] = ContextVar("_contact_counts", default
 def counting_contacts() -> Iterator[list]:
     """Yield a list to which `result` appends the contact counts of each dataset that it creates.
 
-    They are the number of events, or None if there is no dimension of events, and then the bounces,
-    a number or a nested list, if there is such a variable. Equal lists mean that two calculations
-    had equal contacts.
+    In the block, `result` adds the number of contact events of a dataset, or None if it records
+    none, and then its bounces (losses of contact per mesh period), a number or a nested list, if it
+    has them. Equal lists mean that two calculations had equal contacts.
     """
     counts: list = []
     token = _contact_counts.set(counts)
@@ -35,11 +35,12 @@ def counting_contacts() -> Iterator[list]:
 
 
 def stacked(axes, function, *array_dims):
-    """Call a function on a grid of values, and return a dict of variable name -> (dims, values).
+    """Call a function at all points of a grid, and return its results as one dict.
 
     `axes` maps the dimension names of the grid to their values. The function takes one value of
-    each dimension and returns a dict of variable name -> number, text or array. `array_dims` are
-    the dimensions of its arrays; an array with fewer dimensions has the last of `array_dims`.
+    each dimension and returns a dict of variable name -> number, string or array. `array_dims` are
+    the dimensions of its arrays; an array with fewer dimensions has the last of `array_dims`. The
+    result maps each variable name to (dims, values).
     """
     results = [function(*values) for values in product(*axes.values())]
     grid_shape = tuple(len(values) for values in axes.values())
@@ -58,8 +59,8 @@ def stacked(axes, function, *array_dims):
 def result(title, model, data, coords=None, *, method, **parameters):
     """Return the dataset that a public function returns, with units, descriptions and its origin.
 
-    `data` is a dataset, or a dict of its variables with the coordinates `coords`. The text "a gear
-    mesh" in the title is a placeholder for the kind of model, `model.title_noun`. `method` names
+    `data` is a dataset, or a dict of its variables with the coordinates `coords`. The words "a gear
+    mesh" in the title are a placeholder for the kind of model, `model.title_noun`. `method` names
     the method of computation. The model and `parameters`, the arguments of the public function, are
     stored as JSON.
     """
@@ -74,6 +75,7 @@ def result(title, model, data, coords=None, *, method, **parameters):
         dataset.attrs["stiffness_model"] = model.stiffness_model
     if model.force_note:
         dataset.attrs["comment"] = model.force_note
+    # In a block of `counting_contacts` the numbers of contacts are noted.
     if (counts := _contact_counts.get()) is not None:
         counts.append(dataset.sizes.get("event"))
         if "bounces" in dataset:
@@ -85,7 +87,7 @@ def result_of_many(title, data, coords, method=None, /, **attributes):
     """Return the dataset of a study of several models, with units, descriptions and attributes.
 
     `data` is a dict of variables with the coordinates `coords`; `method` names the method of
-    computation, if it is one. Attributes other than texts are stored as JSON.
+    computation, or is None. Attributes other than strings are stored as JSON.
     """
     dataset = describe(xr.Dataset(data, coords))
     dataset.attrs = _origin(title, method) | {

@@ -49,9 +49,10 @@ MESSAGES = {
 
 
 def flags_of(names, first_code=0):
-    """Return CF attributes that name the integer codes `first_code`, `first_code` + 1, ...
+    """Return the attributes of a dataset variable that name its integer codes.
 
-    Spaces and hyphens in the names become underscores, as the CF conventions require.
+    The codes are `first_code`, `first_code` + 1, ... in the order of `names`. Spaces and hyphens in
+    the names become underscores, as the CF conventions for flag_meanings require.
     """
     meanings = " ".join(name.replace(" ", "_").replace("-", "_") for name in names)
     codes = np.arange(first_code, first_code + len(names), dtype=np.int8)

@@ -14,8 +14,9 @@ from gearlib.version import __version__
 def write(dataset, path):
     """Write a dataset to a netCDF file in one atomic step; raise OSError if that fails.
 
-    The attributes source_hash and history are added; an existing source_hash is kept. The history,
-    which the CF conventions require, has no time stamp, so that equal data give equal bytes.
+    The attributes source_hash (hash of the program files) and history are added; an existing
+    source_hash is kept. The history, which the CF conventions require, has no time stamp, so that
+    equal data give equal bytes.
     """
     history = f"{dataset.attrs.get('title', 'dataset')}: written by gearlib {__version__}"
     sources = dataset.attrs.get("source_hash") or source_hash()
@@ -23,6 +24,7 @@ def write(dataset, path):
     # By default xarray writes NaN as the fill value of floats, which CF forbids for coordinates.
     encoding = {name: {"_FillValue": None} for name in dataset.variables}
     for name, variable in dataset.variables.items():
+        # Arrays of integers and floats are compressed.
         if variable.ndim and variable.dtype.kind in "if":
             encoding[name] |= {"zlib": True, "complevel": 4, "shuffle": True}
     with replacing(path) as temporary:
@@ -37,8 +39,9 @@ def write(dataset, path):
 def write_rows(dataset, dim, path):
     """Write the variables of a dataset that have the dimension `dim` to a CSV file, atomically.
 
-    A variable has a column for each entry of its other dimensions. The header has names and units,
-    as in ``mesh_force sun 1 [N]``. Raise OSError if the file cannot be written.
+    The rows follow `dim`. A variable has one column for each entry of its other dimensions. The
+    header has names and units, as in ``mesh_force sun 1 [N]``. Raise OSError if the file cannot be
+    written.
     """
     columns = {}  # header -> values along `dim`
     coordinates = [dim] if dim in dataset.coords else []
@@ -46,6 +49,7 @@ def write_rows(dataset, dim, path):
         if dim not in dataset[name].dims:
             continue
         variable = dataset[name].transpose(dim, ...)
+        # Units in the usual notation, such as rpm; dimensionless variables have none.
         unit = variable.attrs.get("units", "1")
         unit = WRITTEN_UNITS.get(unit, unit)
         suffix = f" [{unit}]" if unit else ""
@@ -58,9 +62,10 @@ def write_rows(dataset, dim, path):
 
 
 def read(path):
-    """Read the netCDF file `path` into memory and return its dataset.
+    """Read a netCDF file into memory, and return its dataset.
 
-    Raise FileNotFoundError if there is no such file, and OSError if it is damaged or not netCDF.
+    Raise FileNotFoundError if there is no file at `path`, and OSError if it is damaged or not
+    netCDF.
     """
     try:
         return xr.load_dataset(path, engine="netcdf4")

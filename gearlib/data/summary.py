@@ -15,10 +15,10 @@ def summary_variables(model, dims, table, final_states, periods_and_statuses, re
     """Return the summary variables of one or more runs as a dict of name -> (dims, values).
 
     `dims` are the dimensions over the runs, () for one run. `table`, shape (..., columns), for
-    trains (..., meshes, columns), has the summaries of `record_periods` mesh periods.
-    `final_states`, shape (..., components), are the states at the end of the runs, and
-    `periods_and_statuses`, shape (..., 2), hold the period of each orbit and the status of each
-    run.
+    trains (..., meshes, columns), has extrema and sums over the recorded `record_periods` mesh
+    periods. `final_states`, shape (..., components), are the states at the end of the runs, and
+    `periods_and_statuses`, shape (..., 2), hold the number of mesh periods after which each motion
+    repeats and the status code of each run.
     """
     phase_span = 2.0 * math.pi * record_periods
     mesh_dims = (*dims, "mesh") if model.mesh_names else dims
@@ -37,19 +37,20 @@ def summary_variables(model, dims, table, final_states, periods_and_statuses, re
 def column_values(table, phase_span, periods) -> dict:
     """Return the columns of a summary table as a dict of name -> values, shape (...).
 
-    `table` has the shape (..., columns). Integrals are divided by `phase_span`, the length of the
-    record in rad, and numbers of events by `periods`, the number of its mesh periods; both are
-    numbers or arrays of shape (...).
+    `table` has the shape (..., columns). Columns with extrema are returned as they are, integrals
+    are divided by `phase_span`, the length of the record in rad, and numbers of events by
+    `periods`, the number of its mesh periods; both are numbers or arrays of shape (...).
     """
     divisors = {LARGEST: 1.0, LEAST: 1.0, SUM: phase_span, COUNT: periods}
     return {column.name: table[..., k] / divisors[column.kind] for k, column in enumerate(COLUMNS)}
 
 
 def combined(table, start_rows):
-    """Return one summary for each group of successive records, shape (groups, ..., columns).
+    """Combine the summaries of successive records to one for each group, (groups, ..., columns).
 
     `table`, shape (records, ..., columns), has the summaries of the records, and `start_rows` are
-    the indices of the rows at which groups start.
+    the indices of the rows at which groups start. Extrema are combined to extrema; integrals and
+    counts are added.
     """
     columns = []
     for k, column in enumerate(COLUMNS):

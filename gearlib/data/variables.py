@@ -407,7 +407,8 @@ def _description(name, is_text):
     """Return (CF units, long_name) of the variable `name`.
 
     Names with the suffix ``_low`` or ``_high`` stand for the range of a variable over several
-    initial states. A text variable (`is_text`) without a description is described by its name.
+    initial states. A string variable (`is_text`) without a description is described by its name.
+    Raises KeyError for any other name without a description.
     """
     base_name, _, suffix = name.rpartition("_")
     if name not in DESCRIPTIONS and suffix in _RANGE_SUFFIXES:
@@ -419,16 +420,17 @@ def _description(name, is_text):
 
 
 def describe(dataset, model=None):
-    """Add units, long_name and flags to all variables of `dataset`, in place, and return it.
+    """Add units, long_name and names of codes to all variables of `dataset`, and return it.
 
-    ``model.long_names`` replaces descriptions. Variables that already have units keep their
-    attributes. Raises KeyError if a numeric variable has no description.
+    The dataset is changed in place. ``model.long_names`` replaces descriptions, where a `model` is
+    given. Variables that already have units keep their attributes. Raises KeyError if a numeric
+    variable has no description.
     """
     model_names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
         if "units" in variable.attrs:
             continue
-        is_text = variable.dtype.kind in "OUST"
+        is_text = variable.dtype.kind in "OUST"  # objects and strings of numpy
         units, long_name = _description(name, is_text)
         if not is_text:
             variable.attrs["units"] = units

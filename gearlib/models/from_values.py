@@ -26,30 +26,33 @@ from gearlib.parameters import declared_parameters
 #: Keys of a damping that are arguments of `GearPair.from_geometry`.
 _PAIR_DAMPINGS = ("damping_ratio", "logarithmic_decrement", "material_damping")
 _PAIR_DAMPINGS += ("backlash_damping_ratio",)
-#: Load given to an unloaded mesh, over the largest mesh force of the train.
+#: Force given to a mesh that carries no load, over the largest mesh force of the train.
 _MIN_FORCE_RATIO = 1e-6
 
 
 def model_from_json(text: str) -> Model | None:
-    """Return the model whose ``as_dict()`` is the canonical JSON `text`, or None if there is none.
+    """Return the model that a JSON string describes, or None if it describes none.
 
-    Datasets store such texts. A `LoadSharingPair` cannot be restored.
+    `text` is the string that `canonical_json(model.as_dict())` returns: the parameters of the model
+    with sorted keys, as datasets store them. The result is None for any other string, and for a
+    `LoadSharingPair`, which cannot be restored from JSON.
     """
     try:
         fields = _field_values(json.loads(text))
         model = _model_with(fields) if isinstance(fields, dict) else None
     except (TypeError, ValueError, KeyError):
         return None
+    # The model is returned only if it gives the same string again.
     if model is None or canonical_json(model.as_dict()) != text:
         return None
     return model
 
 
 def _field_values(value: Any) -> Any:
-    """Return a decoded JSON value in the types of the fields of models.
+    """Convert a decoded JSON value to the types that the fields of models have, and return it.
 
-    Lists become tuples, "inf" and "-inf" become numbers, and a dict of cosines and sines becomes
-    `Harmonics`.
+    Lists become tuples, the strings "inf" and "-inf" become numbers, and a dict with the keys
+    "cosines" and "sines" becomes `Harmonics`. Nested values are converted too.
     """
     if isinstance(value, dict):
         entries = {name: _field_values(entry) for name, entry in value.items()}
@@ -62,7 +65,9 @@ def _field_values(value: Any) -> Any:
 def _model_with(values: dict[str, Any]) -> Model | None:
     """Return the model with these field values, or None if no model class has such fields.
 
-    The names of the fields determine the class. The dict `values` is modified.
+    `values` maps names of fields to values, and its entries may be removed. The key "bodies" occurs
+    only in a `GearTrain`, "base_radii" in a `SixDegreePair` and "profile" in a `OneDegreePair`.
+    Without these keys the model is a `GearPair`, if no other fields are left over.
     """
     if "bodies" in values:
         classes = {"bodies": Body, "meshes": Mesh, "shafts": Shaft, "forces": HarmonicForce}
@@ -79,9 +84,11 @@ def _model_with(values: dict[str, Any]) -> Model | None:
 
 
 def pair_with_profile(profile: dict | None = None, **values: Any) -> GearPair | OneDegreePair:
-    """Return the gear pair with these parameters, a `OneDegreePair` if it has a profile.
+    """Return the gear pair with these parameters, a `OneDegreePair` if it has a stiffness profile.
 
-    `profile` is a dict with the kind of the stiffness profile and its parameters, or None.
+    `values` are the fields of `GearPair`. `profile` is a dict with the kind of the profile, such as
+    "fourier", under the key "kind" and its parameters, or None for the rectangular stiffness of the
+    pair.
     """
     pair = GearPair(**values)
     if profile is None:
@@ -90,19 +97,20 @@ def pair_with_profile(profile: dict | None = None, **values: Any) -> GearPair | 
 
 
 def model(description: dict) -> Model:
-    """Return the model that a dict describes.
+    """Build and return the model that a dict describes.
 
-    The value of its key "model" is the kind of the model, a key of `MODELS`. Its other values are
-    the arguments of the function that builds models of this kind.
+    The value of its key "model" is the kind of the model, such as "pair", a key of `MODELS`. The
+    other entries are keyword arguments of the function `MODELS[kind]`, which builds the model.
     """
     arguments = {name: value for name, value in description.items() if name != "model"}
     return MODELS[description["model"]](**arguments)
 
 
 def with_models(value: Any) -> Any:
-    """Replace the descriptions of models in a value of JSON types by the models, and return it.
+    """Replace descriptions of models in a value by the models, and return the new value.
 
-    A description is a dict with a text under the key "model". The argument is not changed.
+    `value` has JSON types: dicts, lists, strings and numbers. A description is a dict with a string
+    under the key "model". The argument is not changed.
     """
     if isinstance(value, dict):
         if isinstance(value.get("model"), str):
@@ -117,16 +125,18 @@ def pairs_of_teeth(gears: dict, damping: dict, pitch_errors: bool = True) -> Loa
     """Return the `LoadSharingPair` of the section `gears` of a configuration.
 
     `gears` is a dict with the gear geometry, the torque in N m and, optionally, the stiffness
-    method and its options. `damping` holds damping coefficients in N s/m or ratios by their
-    configuration keys. `pitch_errors` is whether the pitch errors of the gears count.
+    method ("iso" or "energy") and the dict of its options. `damping` is a dict of damping
+    parameters: coefficients in N s/m such as "material_damping", or ratios such as "damping_ratio".
+    `pitch_errors` says whether the pitch errors of the gears are taken into account.
     """
     stage = geometry_from_dict(gears)
     arguments = {"torque": gears["torque"], "stiffness": gears.get("stiffness")}
     if not pitch_errors:
-        arguments["pitch_errors"] = (0.0,)
+        arguments["pitch_errors"] = (0.0,)  # one error, 0, for all pairs of teeth
     arguments |= {name: damping[name] for name in _PAIR_DAMPINGS if name in damping}
     options = gears.get("stiffness_options")
     model = default_load_sharing_pair(stage, options=options, **arguments)
+    # This coefficient in N s/m is no argument of `from_geometry` and is set afterwards.
     backlash_damping = damping.get("backlash_damping")
     if backlash_damping:
         model = model.replace(backlash_damping=backlash_damping)
@@ -134,9 +144,9 @@ def pairs_of_teeth(gears: dict, damping: dict, pitch_errors: bool = True) -> Loa
 
 
 def six_degrees(pair: dict, **arguments: Any) -> SixDegreePair:
-    """Return the `SixDegreePair` of a gear pair; `pair` is the description of its `GearPair`.
+    """Return the `SixDegreePair`, a pair of gears on elastic bearings, with these parameters.
 
-    The other arguments are parameters of `SixDegreePair`.
+    `pair` is the dict that describes its `GearPair`, and `arguments` are its other parameters.
     """
     return SixDegreePair(pair=model(pair), **arguments)
 
@@ -145,8 +155,9 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
     """Return the gear train that the section `train` of a configuration describes.
 
     `kind` is a kind of train such as "idler" or "planetary". `arguments` are the arguments of the
-    function or class of that kind, with gears, bodies, meshes and shafts as dicts. `pair` describes
-    the `GearPair` that some kinds need, or is None.
+    function or class of that kind, with gears, bodies, meshes and shafts as dicts. `pair` is the
+    dict that describes the `GearPair` of a ready-made train of equal meshes, or None for other
+    trains.
     """
     if pair is not None:
         return getattr(ready_made, kind)(model(pair), **arguments)
@@ -166,11 +177,12 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
     }
     on_shafts = {name for shaft in elements["shafts"] for name in shaft.bodies}
     descriptions = arguments["meshes"]
-    # Meshes without a torque are drafts in this train, which suffice to compute its static forces.
+    # A mesh needs its torque, which follows from the static forces of the train. So a first train,
+    # the draft, has a simpler mesh model without a torque wherever the torque is still unknown.
     elements["meshes"] = [_mesh(gears, on_shafts, **mesh) for mesh in descriptions]
     draft = GearTrain(**(arguments | elements))
     forces = np.abs(draft.mean_forces) * draft.load
-    # An unloaded mesh gets a small load, at which only reliefs cause a transmission error.
+    # A mesh without a load gets a small load, at which only tip reliefs cause a transmission error.
     forces = np.maximum(forces, _MIN_FORCE_RATIO * forces.max())
     for i, (mesh, description) in enumerate(zip(draft.meshes, descriptions, strict=True)):
         if _is_draft(gears, **description):
@@ -185,10 +197,10 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
 
 
 def _parallel_stage(values: dict) -> planetary.ParallelStage:
-    """Return the parallel stage of a planetary set from a dict of plain values.
+    """Return a `ParallelStage`, two gears on fixed axes that join a planetary set, from a dict.
 
     `values` holds the values of the gear stage, with its gears as dicts, and the other fields of
-    `ParallelStage`, some of which are optional.
+    `ParallelStage`, which may be missing if they have a default.
     """
     fields = {
         name: values[name]
@@ -199,10 +211,11 @@ def _parallel_stage(values: dict) -> planetary.ParallelStage:
 
 
 def _body(gears: dict, *, name: str, gear: dict | None = None, **fields: Any) -> Body:
-    """Return the `Body` with this name and these fields; a gear geometry provides missing fields.
+    """Return the `Body` of a train with this name, with missing fields from its gear geometry.
 
-    `gears` maps names of bodies to `SpurGear`. `gear` is the dict of the gear geometry, from which
-    the entry of `gears` was built, or None if the body has no gear geometry.
+    `gear` is the dict of the gear geometry, or None if the body has none. `gears` maps names of
+    bodies to the `SpurGear` built from such dicts, which determines fields that are not in
+    `fields`, such as mass and inertia.
     """
     if gear:
         return Body.from_gear(gears[name], name, **fields)
@@ -210,10 +223,11 @@ def _body(gears: dict, *, name: str, gear: dict | None = None, **fields: Any) ->
 
 
 def _is_draft(gears: dict, **values: Any) -> bool:
-    """Return whether a mesh needs a torque for its transmission error, but has none yet.
+    """Return whether a mesh is a draft: its model needs a torque, but none is given yet.
 
-    Only the model "teeth" of two gears with geometry needs a torque. `gears` maps names of bodies
-    to `SpurGear`, and `values` are the values of the mesh.
+    The model "teeth", the default if both gears have a geometry and no max_stiffness is given,
+    computes its transmission error at the torque. `gears` maps names of bodies to `SpurGear`, and
+    `values` are the values of the mesh, such as the names of its pinion and wheel.
     """
     has_geometry = {values["pinion"], values["wheel"]} <= gears.keys()
     has_teeth = values.get("model", "teeth") == "teeth" and "max_stiffness" not in values
@@ -223,13 +237,13 @@ def _is_draft(gears: dict, **values: Any) -> bool:
 def _mesh(
     gears, on_shafts, *, stiffness=None, stiffness_options=None, centre_distance=None, **values
 ):
-    """Return the `Mesh` with the fields `values`, which name its pinion and wheel.
+    """Return the `Mesh` of a train from its `values`, which name its pinion and wheel.
 
     `gears` maps names of bodies with a gear geometry to `SpurGear`. If both gears have a geometry
-    and `values` has no max_stiffness, the geometry determines the missing fields; then `stiffness`
-    is the method "iso" or "energy", with the dict `stiffness_options`, and `centre_distance` is in
-    m. `on_shafts` is the set of bodies on shafts, whose twist is not part of the mesh stiffness. A
-    mesh of teeth without a torque gets the model "rectangle" as a draft.
+    and `values` has no max_stiffness, the geometry determines the missing fields. Then `stiffness`
+    is the method "iso" or "energy", or None for a default, `stiffness_options` is the dict of its
+    options, and `centre_distance` is in m. `on_shafts` is the set of names of bodies on shafts. A
+    mesh with the model "teeth" but no torque yet gets the simpler model "rectangle".
     """
     values = {"material_damping": None} | values  # None: the damping is unknown.
     for name in {"deviation", "coast_deviation", "transmission_error"} & values.keys():
@@ -242,11 +256,12 @@ def _mesh(
         is_rectangle = values.get("model") == "rectangle"
         stiffness = "iso" if is_rectangle else gear_stage.tooth_stiffness
     options = stiffness_options or {}
+    # The twist of a body on a shaft is part of the stiffness of the shaft, not of the mesh.
     twists = [values[name] not in on_shafts for name in ("pinion", "wheel")]
     if stiffness == "energy" and not all(twists):
         options = {"twist": twists} | options
     if _is_draft(gears, **values):
-        values["model"] = "rectangle"
+        values["model"] = "rectangle"  # the only model that needs no torque
     return Mesh.from_geometry(gear_stage, stiffness=stiffness, options=options, **values)
 
 

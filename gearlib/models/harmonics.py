@@ -47,7 +47,7 @@ class Harmonics:
         ValueError
             If the phases are not equidistant over one period, or a value is not finite.
         """
-        # Imported here, since reading the configuration needs no numpy.
+        # Imported here, because reading the configuration needs no numpy.
         import numpy as np
 
         from gearlib.data.motions import float_array
@@ -69,16 +69,18 @@ class Harmonics:
         if count is None:
             count = max_count
         checks.require(count <= max_count, "count", count, f"an integer from 1 to {max_count}")
+        # The phase factor shifts the origin of the spectrum from the first phase to phase 0.
         orders = np.arange(1, count + 1)
         spectrum = np.fft.rfft(values)[1 : count + 1] * 2.0 / n * np.exp(-1j * orders * phase[0])
         return cls(tuple(spectrum.real.tolist()), tuple((-spectrum.imag).tolist()))
 
     def table(self, scale: float = 1.0) -> Any:
-        """Return an array (n, 3) with rows (order, cosine, sine) for the orders 1 to n.
+        """Return the amplitudes as an array (n, 3) with rows (order, cosine, sine), orders 1 to n.
 
-        The amplitudes of cosine and sine are multiplied by `scale`.
+        They are multiplied by `scale`. n is the length of the longer of the tuples `cosines` and
+        `sines`; missing amplitudes are 0.
         """
-        import numpy as np
+        import numpy as np  # Imported here, because reading the configuration needs no numpy.
 
         n = max(len(self.cosines), len(self.sines))
         rows = np.zeros((n, 3), np.result_type(float, scale))

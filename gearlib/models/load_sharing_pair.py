@@ -47,7 +47,8 @@ from gearlib.parameters import (
 
 
 def _speed_course_propagator(model: Any) -> Any:
-    """Return the integrator of a `LoadSharingPair` along speed courses."""
+    """Return the integrator of a `LoadSharingPair` for runs whose speed changes with time."""
+    # Imported on first use, because it takes time to load.
     from gearlib.engines.taylor.teeth_courses import propagator_of
 
     return propagator_of(model)
@@ -117,11 +118,13 @@ class LoadSharingPair(WithPair):
     )
 
     def __post_init__(self) -> None:
-        """Check the parameters, set the pitch errors, and check the options of tooth pairs."""
+        """Check the parameters, and set the pitch errors, by default those of the gears."""
         super().__post_init__()
         errors = tuple(load_sharing.checked_errors(self.stage, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
-        self._pairs(np.zeros(1))  # This raises ValueError if stiffness or coupling is not allowed.
+        # Computing the pairs of teeth at one phase raises ValueError if stiffness or coupling is
+        # not allowed.
+        self._pairs(np.zeros(1))
 
     @classmethod
     @checked
@@ -151,6 +154,7 @@ class LoadSharingPair(WithPair):
             Fields of the class: phases, deviation, pitch_errors, corner_contact; and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
+        # Fields of this class are taken out of the options; the others belong to the `GearPair`.
         fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
         fields |= {"stiffness": stiffness, "coupling": coupling, "twist": twist}
         method_options = {"coupling": coupling, "twist": twist} if stiffness == "energy" else {}
@@ -159,12 +163,16 @@ class LoadSharingPair(WithPair):
 
     @property
     def stiffness_model(self) -> str:
-        """The mesh model and its stiffness in words."""
+        """The mesh model and the stiffness method in words, as in "pairs of teeth, table"."""
         method = self.stiffness if isinstance(self.stiffness, str) else "table"
         return f"pairs of teeth, {METHOD_NAMES[method]}"
 
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
-        """Return the dynamic factor; see `Model.extra_summary_variables`."""
+        """Return the dynamic factor, largest over static mesh force, as {name: (dims, values)}.
+
+        `summaries` are rows of extrema and sums over a record, with the dimensions `dims` and one
+        more axis for the columns. The phase of the record, `span`, is not used.
+        """
         return {"dynamic_factor": (dims, self.force_ratios(summary.largest_force(summaries)))}
 
     @checked
@@ -195,6 +203,8 @@ class LoadSharingPair(WithPair):
         pairs = load_sharing.tooth_pairs(self.stage, phases, **self._options)
         # Transmission errors x of both loads, in m, one for each phase.
         unloaded, loaded = pairs.forces_under_loads([0.0, self.load]).displacement
+        # The stiffness F / (x - e) over the phase, and its rectangle with the stiffness ratio kappa
+        # and the contact ratio epsilon.
         phase = math.tau * np.arange(phases) / phases
         profile = Tabulated(tuple(phase), tuple(self.load / (loaded - unloaded)))
         max_stiffness, kappa, epsilon = profile.ratios()
@@ -206,12 +216,19 @@ class LoadSharingPair(WithPair):
 
     @property
     def _options(self) -> dict[str, Any]:
-        """Keyword arguments of `pairs_at` that follow from the fields of the model."""
+        """Keyword arguments of `load_sharing.pairs_at` that follow from the fields of the model.
+
+        `pairs_at` computes the gaps and compliances of the pairs of teeth in mesh.
+        """
         names = ("stiffness", "coupling", "twist", "deviation", "pitch_errors", "load")
         return {name: getattr(self, name) for name in names} | {"corners": self.corner_contact}
 
     def _pairs(self, pitches: np.ndarray, *selection: np.ndarray) -> load_sharing.ToothPairs:
-        """Return the pairs of teeth in mesh; `pairs_at` describes the arguments."""
+        """Return the pairs of teeth in mesh at phases in base pitches, with gaps and compliances.
+
+        `pitches` and `selection` are the arguments of `load_sharing.pairs_at`; `selection` holds
+        the phases that decide which pairs are in mesh, and whether each pair can touch.
+        """
         return load_sharing.pairs_at(self.stage, pitches, *selection, **self._options)
 
     def tooth_forces(self, phase: Any, displacement: Any) -> np.ndarray:
@@ -234,26 +251,32 @@ class LoadSharingPair(WithPair):
         return pairs.forces_at_displacement(displacement).force[0]
 
     def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, float]:
-        """Return displacement and velocity in equilibrium at phase 0; see `Model.static_state`."""
+        """Return displacement and velocity in static equilibrium at phase 0, in static deflections.
+
+        `load` is the load over the load of the model; a negative load acts on the coast-side
+        flanks. If there are none, because the backlash is infinite, the result is (0, 0). The
+        equilibrium does not depend on the `tuning`, the mesh frequency over the natural frequency.
+        """
         if load >= 0.0:
             pairs = self._pairs(np.array([self._phase_offset]))
             sharing = pairs.forces_under_loads([load * self.load])
             return float(sharing.displacement[0, 0]) / self.static_deflection, 0.0
         if self.backlash == math.inf:
             return 0.0, 0.0
-        # On the coast side the force is stiffness * x - offset, negative below its flank line.
+        # On the coast side the force is stiffness * x - offset, with both coefficients at the start
+        # of the first segment; the last set of pairs is contact on the coast side.
         system, _ = self.system_and_max_stiffness
         stiffness, _, _, offset, _, _ = system.force_laws[0, -1]
         return float((load + offset) / stiffness), 0.0
 
     @property
     def repeats(self) -> int:
-        """Number of mesh periods after which the pitch errors repeat."""
+        """Number of mesh periods after which the pitch errors, and thus the excitation, repeat."""
         return len(self.pitch_errors)
 
     @cached_property
     def _corner_lengths(self) -> Any:
-        """Lengths of corner contact before and after the path of contact in base pitches."""
+        """Lengths of corner contact before and behind the path of contact, in base pitches."""
         return load_sharing.corner_contact_lengths(
             self.stage, self.corner_contact, self.load, self.pitch_errors
         )
@@ -261,16 +284,21 @@ class LoadSharingPair(WithPair):
     def _breakpoints(self) -> np.ndarray:
         """Return the phases, in [0, 1) base pitches, that divide a mesh period into segments.
 
-        In a segment, gaps and compliances are smooth for spur gears and linear for helical gears.
-        The phases are not sorted.
+        In a segment, the gaps and compliances of the pairs of teeth are smooth for spur gears and
+        linear for helical gears. A segment ends where a pair enters or leaves its path of contact,
+        where a tip relief or a point of a table begins, and at equally spaced phases. The phases
+        are not sorted.
         """
         stage = self.stage
         count = load_sharing.face_slices(stage, self.repeats).intervals_per_pitch
         if count:  # The gears are helical.
+            # A multiple of this number keeps a whole number of slices in each interval.
             count *= math.ceil(self.phases / load_sharing.MIN_INTERVALS_PER_PITCH)
             return (self._phase_offset + np.arange(count) / count) % 1.0
         start, end = stage.path
         kinks = [start, end]  # positions on the path of contact, m
+        # The teeth are relieved at the tip of the wheel, where contact starts, and at the tip of
+        # the pinion, where it ends.
         if stage.pinion.tip_relief is not None:
             kinks.append(end - stage.pinion.tip_relief.length)
         if stage.wheel.tip_relief is not None:
@@ -281,6 +309,7 @@ class LoadSharingPair(WithPair):
         equal_intervals = np.arange(self.phases) / self.phases
         breaks = [(np.array(kinks) - start) / stage.base_pitch, equal_intervals]
         if any(self._corner_lengths):
+            # Where tip corners touch, before and behind the path, the gap changes fast.
             entry_length, exit_length = self._corner_lengths
             breaks.append(0.0 - np.linspace(0.0, entry_length, _CORNER_INTERVALS + 1))
             exit_breaks = np.linspace(0.0, exit_length, _CORNER_INTERVALS + 1)
@@ -289,14 +318,20 @@ class LoadSharingPair(WithPair):
 
     @property
     def _phase_offset(self) -> float:
-        """Base pitches from the start of contact of a pair to mesh phase 0.
+        """Base pitches from the start of contact of a pair of teeth to mesh phase 0.
 
-        Phase 0 is the middle of the segment with the most pairs in contact.
+        Phase 0 is the middle of the segment with the most pairs in contact, whose length in base
+        pitches is the fractional part of the contact ratio.
         """
         return (self.stage.contact_ratio % 1.0) / 2.0
 
     def _pair_numbers(self, pitches: np.ndarray) -> np.ndarray:
-        """Return the number of the pair that came into mesh last, at phases in base pitches."""
+        """Return the number of the last pair of teeth to come into mesh, at phases in base pitches.
+
+        A pair comes into mesh earlier than it reaches the start of the path of contact if tip
+        corners touch before it or if, in helical gears, one end of the face meshes before the
+        middle.
+        """
         half_overlap = load_sharing.face_slices(self.stage, self.repeats).half_overlap
         return np.floor(pitches + self._corner_lengths[0] + half_overlap)
 
@@ -304,9 +339,12 @@ class LoadSharingPair(WithPair):
     def system_and_max_stiffness(self) -> tuple[ToothPairSystem, float]:
         """The `ToothPairSystem` for any tuning, and the ratio of its largest to its mean stiffness.
 
-        `system` sets its tuning, damping and largest step. Segments lie between neighbouring
-        breakpoints of the whole period, which is `repeats` mesh periods long and starts at phase 0.
+        The `ToothPairSystem` holds the coefficients of the equation of motion in segments of the
+        mesh phase. They lie between neighbouring breakpoints of the whole period, which is
+        `repeats` mesh periods long and starts at phase 0. The method `system` sets its tuning,
+        damping and largest step.
         """
+        # The breakpoints of all mesh periods, without duplicates, from phase 0 on.
         repeats, offset = self.repeats, self._phase_offset
         pitches = np.sort((np.arange(repeats)[:, None] + self._breakpoints()).ravel())
         pitches = pitches[np.diff(pitches, prepend=-1.0) > load_sharing.SAME_POSITION_TOLERANCE]
@@ -363,8 +401,9 @@ class LoadSharingPair(WithPair):
 
         The segments are given by their left ends, midpoints and right ends in base pitches, (p,)
         each. `can_touch`, (p, k), is whether a pair can touch, and `on_path`, (p, k), whether it
-        also lies on its path of contact. `points` is a list of the `ToothPairs` at the left ends,
-        for spur gears at the midpoints, and at the right ends.
+        also lies on its path of contact. `points` is a list of `ToothPairs`, the gaps and
+        compliances of the pairs: at the left ends, at the midpoints (for spur gears only), and at
+        the right ends.
         """
         stage = self.stage
         if stage.overlap_ratio == 0.0:
@@ -374,8 +413,8 @@ class LoadSharingPair(WithPair):
             left_pairs = self._pairs(left, midpoints, can_touch)
             right_pairs = self._pairs(right, midpoints, can_touch)
             return can_touch, can_touch & on_path, [left_pairs, pairs, right_pairs]
-        # Most segments start with the pairs at the end of the segment before. Such pairs are
-        # computed only once.
+        # Most segments start with the same pairs of teeth with which the segment before ends. Such
+        # pairs are computed only once.
         pitches, middles = np.concatenate([left, right]), np.concatenate([midpoints] * 2)
         phases = np.column_stack([pitches, self._pair_numbers(middles)])
         _, unique, indices = np.unique(phases, axis=0, return_index=True, return_inverse=True)
@@ -387,16 +426,17 @@ class LoadSharingPair(WithPair):
     def _force_coefficients(self, pairs, on_path) -> tuple[np.ndarray, np.ndarray]:
         """Return dimensionless coefficients (forces, overlaps) for all sets of touching pairs.
 
-        `pairs` are the k pairs of teeth at each of m phases, which have 2^k sets; bit i of the
-        index of a set is 1 if pair i touches. `on_path`, shape (m, k), is whether a pair lies on
-        its path of contact. The mesh force at a displacement x is a x - b with
+        `pairs` are the `ToothPairs`, k pairs of teeth at each of m phases, which have 2^k sets; bit
+        i of the index of a set is 1 if pair i touches. `on_path`, shape (m, k), is whether a pair
+        lies on its path of contact. The mesh force at a displacement x is a x - b with
         forces[phase, set] = (a, b); the last set, with the index 2^k, is contact on the coast side.
-        The overlap of the flanks of a pair is p x - r with overlaps[phase, set, pair] = (p, r).
+        The flanks of a pair overlap by p x - r with overlaps[phase, set, pair] = (p, r) if only the
+        pairs of the set carry the load.
         """
         m, k = pairs.gap.shape
         forces, overlaps = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
         for set_index in range(2**k):
-            touching = [i for i in range(k) if set_index >> i & 1]
+            touching = [i for i in range(k) if set_index >> i & 1]  # the pairs whose bit is 1
             can_touch = pairs.can_touch[:, touching].all(-1)
             if not can_touch.any():
                 continue
@@ -412,18 +452,27 @@ class LoadSharingPair(WithPair):
             # On the coast side all pairs on their path of contact touch.
             coast_side = on_path[:, touching].all(-1) & (on_path.sum(-1) == len(touching))
             forces[coast_side, -1, 0] = mesh_stiffness[coast_side]
+        # The force on the coast side is 0 at the displacement x = -backlash_ratio.
         if self.backlash < math.inf:
             forces[:, -1, 1] = -self.backlash_ratio * forces[:, -1, 0]
         return forces, overlaps
 
     def steps_per_period(self, tuning: float) -> float:
-        """Return the minimum number of integration steps per mesh period at a tuning."""
+        """Return the minimum number of integration steps per mesh period at a tuning.
+
+        `tuning` is the mesh frequency over the mean natural frequency. Each segment of the mesh
+        period takes at least one step, and no step is longer than the largest step of the system.
+        """
         system = self.system(tuning)
         return max(len(system.force_laws) / self.repeats, math.tau / system.max_step)
 
     @property
     def slowest_tuning(self) -> float:
-        """Tuning, mesh over natural frequency, below which a duty point counts as quasi-static."""
+        """Tuning, mesh over natural frequency, below which a run counts as quasi-static.
+
+        Below it, inertia adds less than 1 % to the load. It is lower if tip corners touch over a
+        short length, where contact begins suddenly, and higher if pitch errors excite the mesh.
+        """
         relative_length = sum(self._corner_lengths) / _TYPICAL_CORNER_LENGTH
         corner_factor = min(max(relative_length, _MIN_CORNER_FACTOR), 1.0)
         if relative_length == 0.0:  # There is no corner contact.
@@ -432,19 +481,20 @@ class LoadSharingPair(WithPair):
         return _QUASI_STATIC_TUNING * corner_factor * error_factor
 
     def system(self, tuning: float) -> ToothPairSystem:
-        """Return the constants of the equation of motion for the engines at a tuning.
+        """Return the constants of the equation of motion at a tuning, as a `ToothPairSystem`.
 
         `tuning` is the mesh frequency over the mean natural frequency.
         """
         system, max_stiffness = self.system_and_max_stiffness
-        # Damping in free flight and in contact, with velocities by mesh phase.
+        # Damping 2 beta / nu in free flight and in contact, for velocities by mesh phase.
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
+        # The sum is at least the highest natural frequency by mesh phase.
         max_step = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
         return system._replace(damping=damping, max_step=max_step, tuning=tuning)
 
 
 def _parabolas(values: Sequence[np.ndarray], lengths: np.ndarray) -> np.ndarray:
-    """Return laws a x - b on p segments, whose coefficients a and b are parabolas in the phase.
+    """Return laws a x - b on p segments, with parabolas of the phase for a and b.
 
     `values` are arrays (p, ..., 2) of (a, b) at the left ends, the midpoints and the right ends of
     the segments, whose `lengths` in mesh phase have the shape (p,). Without the midpoints the
@@ -463,11 +513,11 @@ def default_load_sharing_pair(stage, *, stiffness=None, options=None, **argument
     """Return the `LoadSharingPair` of a gear stage, with a default stiffness method.
 
     `stage` is a `gearlib.geometry.GearStage`. If `stiffness` is None, the method is the energy
-    method or, if a bore is too large for it, ISO 6336. `options` is a dict of options of
+    method or, if a bore is too large for that method, ISO 6336. `options` is a dict of options of
     `gearlib.geometry.mesh_stiffness`, of which only coupling and twist are used; `arguments`, such
     as torque and damping_ratio, are passed to `LoadSharingPair.from_geometry`.
     """
-    stiffness = stiffness or checks.gear_stage(stage).tooth_stiffness
+    stiffness = stiffness or checks.gear_stage(stage).tooth_stiffness  # "energy" or "iso"
     options = options or {}
     checks.check_known_parameters("stiffness", options, _STIFFNESS_OPTIONS)
     if stiffness == "energy":

@@ -68,21 +68,28 @@ class Model:
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
     def __post_init__(self):
-        """Replace fields that are None by their values from `defaults`."""
+        """Replace fields that are None by default values.
+
+        `defaults` maps the name of a field to a function of the model that returns its default.
+        """
         for name, default in self.defaults.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, default(self))
 
     @property
     def piecewise_linear(self) -> bool:
-        """Whether the model is linear between two contact events, so that a closed form exists."""
+        """Whether the model is linear between two contact events, so that closed forms solve it.
+
+        A model without an `Equation` has matrices, which are always piecewise linear.
+        """
         return self.equation is None or self.equation.is_piecewise_linear()
 
     @property
     def propagators(self) -> dict[str, Callable]:
-        """Integrators by the name of their method, with the default method first.
+        """Functions that create integrators, by the name of the method; the default is first.
 
-        Each value is a function of the model, the tuning and options that returns the integrator.
+        They take the model, the tuning (mesh frequency over natural frequency) and options. "exact"
+        means closed forms, which need a piecewise-linear model, and "taylor" means Taylor series.
         """
         propagators = {"taylor": taylor_propagator}
         if self.piecewise_linear:
@@ -91,7 +98,10 @@ class Model:
 
     @property
     def speed_course_propagator(self) -> Callable | None:
-        """Function of the model that returns its integrator along speed courses, or None."""
+        """Function that returns the integrator of the model for a speed that changes with time.
+
+        It takes the model. It is None if the model is not piecewise linear.
+        """
         return _speed_course_propagator if self.piecewise_linear else None
 
     def steps_per_period(self, tuning: float) -> float:
@@ -99,10 +109,11 @@ class Model:
         return 1.0
 
     def propagator(self, tuning: float, method: str | None = None, **options: Any) -> Any:
-        """Return the integrator of the model at a tuning, excitation over natural frequency.
+        """Return the integrator of the model at a tuning.
 
-        `method` is a key of `propagators`, by default the first key; `options` are keyword
-        arguments of the integrator class.
+        `tuning` is the frequency of the excitation over the natural frequency. `method` is a key of
+        `propagators` such as "exact", by default the first key; `options` are keyword arguments of
+        the integrator class.
         """
         propagators = self.propagators
         if not method:
@@ -110,21 +121,27 @@ class Model:
         return propagators[method](self, float(tuning), **options)
 
     def nonlinear_mesh(self, tuning: float, tolerance: float = 0.0) -> Any:
-        """Return the constants of a model with one degree of freedom for steps by Taylor series.
+        """Return the constants of a model of one degree of freedom for Taylor series.
 
-        `tolerance` is the allowed error of a step.
+        They are a `NonlinearMesh` at the `tuning`, the mesh frequency over the natural frequency.
+        `tolerance` is the allowed error of a step of the integration.
         """
         return self.equation.nonlinear_mesh(tuning, tolerance)
 
     def system(self, tuning: float) -> Any:
-        """Return the matrices of a piecewise-linear model at a tuning as a `TrainSystem`."""
+        """Return the matrices of a piecewise-linear model at a tuning as a `TrainSystem`.
+
+        `tuning` is the mesh frequency over the natural frequency.
+        """
         return (self.train or self.equation).system(tuning)
 
     def contact_modes(self, system: Any) -> tuple[np.ndarray, ...]:
-        """Return the dimensionless natural modes of a `TrainSystem` in permanent contact.
+        """Return the dimensionless natural modes of a model while all its loaded flanks touch.
 
         They are (natural frequencies, mode shapes, rigid-body motions, mass matrix); each column of
-        the second and third matrix is a shape or a motion.
+        the second and third matrix is a shape or a motion. `system` is a `TrainSystem`, the
+        matrices of the model at a tuning. A model of one degree of freedom has one mode and no
+        rigid-body motion.
         """
         if self.train:
             return self.train.contact_modes(system)
@@ -134,14 +151,19 @@ class Model:
     def output_rows(self, system: Any) -> np.ndarray:
         """Return the row vectors that map states to the extra recorded variables, (e, 3, p, n).
 
-        There are e variables, 3 contact states, p stiffness segments and n components of a state of
-        `system`, a `TrainSystem`. A model without extra variables has e = 0.
+        There are e variables, 3 contact states (coast side, none, drive side), p segments of
+        constant stiffness and n components of a state of `system`, a `TrainSystem`. Here e is 0,
+        because only some models have extra variables.
         """
         contact_state_count, segment_count, _ = system.effect.shape
         return np.zeros((0, contact_state_count, segment_count, len(system.base_matrix)))
 
     def full_state(self, system: Any, state: tuple[float, float]) -> np.ndarray:
-        """Return the full state of a `TrainSystem` at tau = 0 from (displacement, dx/dtau)."""
+        """Return the full state of a `TrainSystem` at phase tau = 0.
+
+        `state` holds the displacement and the velocity dx/dtau. The full state also has components
+        such as a constant 1 and the harmonics of the excitation, which start at 0 here.
+        """
         # The row vector of a flank line has as many components as a state. All but the first two
         # start at 0.
         full_state = np.zeros_like(system.drive_lines[0])
@@ -149,13 +171,12 @@ class Model:
         return full_state
 
     def check_state(self, initial_state: Any) -> Any:
-        """Return a checked initial state: displacement and dx/dtau, or all components.
+        """Return a checked initial state: displacement and velocity dx/dtau, or all components.
 
-        `initial_state` is a sequence of numbers, or "static" for the static equilibrium, which does
-        not depend on the tuning.
+        `initial_state` is a sequence of numbers, or the string "static" for the static equilibrium.
         """
         if isinstance(initial_state, str) and initial_state == "static":
-            return self.static_state(1.0)
+            return self.static_state(1.0)  # It is the same at every tuning.
         if isinstance(initial_state, (tuple, list)) and len(initial_state) == self.size > 2:
             return check("initial_state", initial_state, Numbers)
         return check("initial_state", initial_state, State)
@@ -189,8 +210,8 @@ class Model:
     def settable(self) -> dict[str, tuple[str, str]]:
         """Finite numbers that `with_values` can change, as a dict name -> (CF units, description).
 
-        A name is a field of the model or its `GearPair`, an entry of a field with several values
-        such as ``masses[0]``, or a ratio of the pair in `RATIOS`.
+        A name is a field of the model or of its `GearPair`, an entry of a field with several values
+        such as ``masses[0]``, or a ratio of the pair, a key of `RATIOS` such as ``damping_ratio``.
         """
         settable: dict = {}
         models = [self] if self.pair is None else [self, self.pair]
@@ -201,6 +222,7 @@ class Model:
                 if name in declarations:
                     units = cf_units(declarations[name].unit)
                     description = declarations[name].long_name
+                # An infinite value, such as an unlimited backlash, cannot be varied.
                 if type(value) is float and math.isfinite(value):
                     settable.setdefault(name, (units, description))
                 elif isinstance(value, tuple) and all(type(entry) is float for entry in value):
@@ -212,16 +234,21 @@ class Model:
         return settable
 
     def value(self, name: str) -> float:
-        """Return a number of the model by its name in `settable`, such as ``masses[0]``."""
-        field, _, index = name.rstrip("]").partition("[")
+        """Return a number of the model by its name.
+
+        `name` is a key of `settable`: a field such as ``load``, or an entry of one such as
+        ``masses[0]``.
+        """
+        field, _, index = name.rstrip("]").partition("[")  # "masses[0]" -> "masses", "0"
         value = getattr(self, field)
         return value[int(index)] if index else value
 
     def with_values(self, new_values: dict[str, float]) -> "Model":
-        """Return a copy of the model with `new_values`, a dict name -> value.
+        """Return a copy of the model with new values of some of its numbers.
 
-        The names are keys of `settable`. Ratios such as ``damping_ratio`` are set last, so that
-        they hold for the changed parameters.
+        `new_values` maps names to values. A name is a key of `settable`: a field, an entry of a
+        field such as ``masses[0]``, or a ratio such as ``damping_ratio``. Ratios are set last, so
+        that they hold for the changed fields.
         """
         fields: dict = {}
         for name, value in new_values.items():
@@ -251,7 +278,9 @@ class Model:
     def empty_record(self, samples: int = 0, events: int = 16) -> tuple:
         """Return uninitialized tables (samples, events, summary) for the record of a run.
 
-        `samples` and `events` are the numbers of rows in their tables; the summary is one row.
+        `samples` and `events` are the numbers of rows in the first two tables; the summary is one
+        row of extrema and sums. The table of samples has additional columns for the `extra_samples`
+        of the model.
         """
         from gearlib.engines import orbit  # Creating a model must not load the kernels.
 
@@ -260,9 +289,10 @@ class Model:
         return sample_table, event_table, np.empty(orbit.SUMMARY_COLUMNS)
 
     def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
-        """Return the `extra_samples` of a run as dataset variables, name -> (dims, values).
+        """Return the sampled variables that only this model has, as a dict name -> (dims, values).
 
-        They are the last columns of the table `samples`, shape (samples, columns).
+        Their names are `extra_samples`, and their values are the last columns of the table
+        `samples`, shape (samples, columns).
         """
         columns = samples.T[samples.shape[1] - len(self.extra_samples) :]
         variables = {}
@@ -271,10 +301,10 @@ class Model:
         return variables
 
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
-        """Return the summary variables that other models do not have, name -> (dims, values).
+        """Return the summary variables that only this model has, as a dict name -> (dims, values).
 
-        `summaries` has the dimensions `dims`, then the columns of a summary; `span` is the phase
-        over which its sums extend, in rad.
+        `summaries` has the dimensions `dims`, then the columns of a summary, extrema and sums over
+        a record; `span` is the phase of the record in rad. Most models have no such variables.
         """
         return {}
 
@@ -283,28 +313,31 @@ class Model:
         return {"component": list(self.components)}
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the matrices (reduce, lift) between full states and states without rigid rotation.
+        """Return the matrices (reduce, lift) that remove and restore rigid-body rotation.
 
-        `reduce` removes rigid-body rotation from a state, and `lift` returns to a full state. Both
-        are identity matrices for a model without rigid-body rotation.
+        `reduce` maps a full state to a state without rigid-body rotation, and `lift` maps this
+        back. Both are identity matrices here, for a model without rigid-body rotation.
         """
         return np.eye(self.size), np.eye(self.size)
 
     @property
     def flank_lines(self) -> Any:
-        """Displacements at which drive-side and coast-side contact begin, as a tuple."""
+        """Displacements at which (drive-side, coast-side) contact begins, as a tuple."""
         return self.equation.upper, self.equation.lower
 
     @property
     def loaded_sides(self) -> np.ndarray:
-        """Contact codes of the flanks that carry the static load, (m,) for m meshes, () for one."""
+        """Codes of the flanks that carry the static load: 1 drive side, -1 coast side.
+
+        The shape is (m,) for m meshes and () for a model of one mesh.
+        """
         return np.where(np.asarray(self.mean_forces) < 0.0, COAST, DRIVE)
 
     def force_ratios(self, largest_forces: Any) -> Any:
-        """Return the ratios of largest to static mesh force, NaN for meshes without a static force.
+        """Return the ratios of the largest to the static mesh force.
 
         `largest_forces` are absolute values over the load of the model; for trains their last axis
-        is the mesh.
+        is the mesh. The ratio is NaN for meshes without a static force.
         """
         static_forces = np.abs(self.mean_forces)
         return largest_forces / np.where(static_forces > 0.0, static_forces, math.nan)
@@ -312,8 +345,9 @@ class Model:
     def clearances(self, lowest: np.ndarray, highest: np.ndarray) -> np.ndarray:
         """Return how far the loaded flanks stay from losing contact, in static deflections.
 
-        `lowest` and `highest` are the extrema of the displacement of each mesh. The result is
-        negative for flanks that have lost contact.
+        `lowest` and `highest` are the extrema of the displacement of each mesh. A coast-side flank
+        loses contact if the highest displacement exceeds the line where its contact begins, a
+        drive-side flank if the lowest falls below its line; then the result is negative.
         """
         drive_line, coast_line = self.flank_lines
         return np.where(self.loaded_sides == COAST, coast_line - highest, lowest - drive_line)
@@ -322,12 +356,14 @@ class Model:
     def extent(self) -> float:
         """Largest length of the model in its unit of displacement, at least 1.
 
-        It is the largest of the flank positions, the deflection under the load, and the deviation.
+        It is the largest of the displacements where contact begins, the deflection under the mean
+        and alternating force, and the amplitude of the flank deviation.
         """
         positions = np.abs(np.ravel(self.flank_lines))
         lengths = [1.0, *positions[np.isfinite(positions)].tolist()]
         if self.equation is not None:
             equation = self.equation
+            # The first column of the harmonics is their order, the others are amplitudes.
             force = abs(equation.load) + np.abs(equation.force[:, 1:]).sum()
             lengths.append(force / equation.natural_frequency**2)
             lengths.append(np.abs(equation.deviation[:, 1:]).sum())
@@ -338,8 +374,8 @@ class Model:
 
         It is `UNBOUNDED_FACTOR` times the largest length of the model and of the initial `state`,
         which holds n displacements and n velocities by mesh phase or is a name such as "static".
-        `tuning`, the excitation over the natural frequency, converts velocities by phase to
-        velocities by time.
+        `tuning`, the frequency of the excitation over the natural frequency, converts velocities by
+        phase to velocities by time.
         """
         lengths = [self.extent]
         if not isinstance(state, str):
@@ -348,7 +384,11 @@ class Model:
         return UNBOUNDED_FACTOR * max(lengths)
 
     def has_damping(self) -> bool:
-        """Return whether damping acts in contact or in free flight."""
+        """Return whether damping acts in contact or in free flight.
+
+        The damping coefficients are rows for coast-side contact, free flight and drive-side
+        contact.
+        """
         equation = self.equation
         damping = equation.damping
         if not math.isfinite(equation.lower):
@@ -360,13 +400,17 @@ class Model:
         return {}
 
     def tuning_at(self, speed: Any) -> Any:
-        """Return the tuning nu at a speed of the reference gear in rpm (float or array)."""
+        """Return the tuning (mesh over natural frequency) at a speed of the reference gear in rpm.
+
+        `speed` is a float or an array.
+        """
         return speed / self.speed(1.0)
 
     def tuning_from(self, reference: Any, tuning: Any) -> Any:
-        """Return the tuning of this model at the speed that a tuning of `reference` stands for.
+        """Return the tuning of this model at the speed at which another model has a given tuning.
 
-        `reference` is another model; its `tuning` is a float or an array.
+        A tuning is the mesh frequency over the natural frequency, and models differ in the latter.
+        `reference` is the other model, and `tuning`, a float or an array, is its tuning.
         """
         return float(reference.speed(1.0) / self.speed(1.0)) * tuning
 
@@ -376,10 +420,11 @@ class Model:
         return float(self.mesh_frequency(1.0)) * 60.0 / (math.tau * float(self.speed(1.0)))
 
     def speed_scales(self, tuning: Any) -> dict:
-        """Return the scales of a dataset that depend on the tuning, name -> value.
+        """Return the scales of a dataset that depend on the tuning, as a dict name -> value.
 
-        Values are in SI units except for the speed in rpm; `tuning`, mesh over natural frequency,
-        and the values are floats or arrays. A model without rotating bodies has no such scales.
+        They convert dimensionless results to SI units, and the speed is in rpm. `tuning`, the mesh
+        frequency over the natural frequency, and the values are floats or arrays. A model without
+        rotating bodies has no such scales.
         """
         if self.speed is None:
             return {}
@@ -392,7 +437,10 @@ class Model:
         }
 
     def as_dict(self) -> dict:
-        """Return the parameters as a dict of plain values, in the order of the fields."""
+        """Return the parameters as a dict of plain values, in the order of the fields.
+
+        A stiffness profile becomes a dict of its kind and its parameters.
+        """
         profiles = {
             name: value.as_dict()
             for name, value in fields_of(self).items()
@@ -415,6 +463,7 @@ class Model:
         model_fields = fields_of(self)
         all_fields = model_fields | (fields_of(self.pair) if self.pair else {})
         checks.check_known_parameters(type(self).__name__, changes, list(all_fields))
+        # A field that is None is set to its default when the new model is created.
         recomputed = {
             name: None
             for name, default in self.defaults.items()
@@ -431,9 +480,10 @@ class Model:
 
 
 def single_mesh_propagator(model: Model, tuning: float, **options: Any) -> Any:
-    """Return the integrator in closed forms for a piecewise-linear model at a tuning.
+    """Return the integrator by closed forms for a piecewise-linear model at a tuning.
 
-    `options` are keyword arguments of `SingleMeshPropagator`.
+    `tuning` is the mesh frequency over the natural frequency; `options` are keyword arguments of
+    the integrator class `SingleMeshPropagator`.
     """
     from gearlib.engines.linear.propagator import SingleMeshPropagator
 
@@ -443,7 +493,8 @@ def single_mesh_propagator(model: Model, tuning: float, **options: Any) -> Any:
 def taylor_propagator(model: Model, tuning: float, **options: Any) -> Any:
     """Return the integrator by Taylor series for a model of one degree of freedom at a tuning.
 
-    `options` are keyword arguments of its class `Propagator`.
+    `tuning` is the mesh frequency over the natural frequency; `options` are keyword arguments of
+    the integrator class `Propagator`.
     """
     from gearlib.engines.taylor.propagator import Propagator
 
@@ -451,7 +502,7 @@ def taylor_propagator(model: Model, tuning: float, **options: Any) -> Any:
 
 
 def _speed_course_propagator(model: Model) -> Any:
-    """Return the integrator of a piecewise-linear model along speed courses."""
+    """Return the integrator of a piecewise-linear model for runs whose speed changes with time."""
     from gearlib.engines.linear.speed_courses import propagator_of
 
     return propagator_of(model)
@@ -463,26 +514,27 @@ def fields_of(instance: Any) -> dict[str, Any]:
 
 
 def natural_scale(model: Any, units: str) -> float:
-    """Return a typical magnitude of a quantity of a model, in its CF `units` such as "N s m-1".
+    """Return a typical magnitude of a quantity of a model, from its units.
 
-    It is a product of powers of the load, the static deflection and the natural frequency of the
-    model. Units without such a scale, such as rad, contribute a factor of 1.
+    `units` is a string in CF notation such as "N s m-1". The result is a product of powers of the
+    load, the static deflection and the natural frequency of the model. Units without such a scale,
+    such as rad, contribute a factor of 1.
     """
     force, length = float(model.load), model.static_deflection
     frequency = model.mesh_frequency(1.0)  # At tuning 1 it is the natural frequency, rad/s.
     mass = force / length / frequency**2
     scales = {"N": force, "m": length, "s": 1.0 / frequency, "kg": mass}
-    scale_powers = []
+    scale_powers = []  # "N s m-1" has the units N, s, m with the exponents 1, 1, -1
     for unit, exponent in re.findall(r"([A-Za-z]+)(-?\d+)?", units):
         scale_powers.append(scales.get(unit, 1.0) ** int(exponent or 1))
     return math.prod(scale_powers)
 
 
 def instance_without_checks(dataclass: type, **values: Any) -> Any:
-    """Return an instance of a frozen dataclass with these field values, without its checks.
+    """Create and return an instance of a frozen dataclass without running its checks.
 
-    Missing fields get their defaults. The checks accept only floats, but interval arithmetic needs
-    values that are intervals.
+    `values` are the values of its fields; missing fields get their defaults. The checks accept only
+    floats, but interval arithmetic needs values that are intervals.
     """
     instance = object.__new__(dataclass)
     for field in dataclasses.fields(dataclass):

@@ -74,27 +74,34 @@ class Equation:
     natural_frequency: float = 1.0  #: natural frequency in contact, which sets the step length
 
     def is_piecewise_linear(self) -> bool:
-        """Return whether the equation is linear with constant coefficients between events."""
+        """Return whether the equation is linear with constant coefficients between contact events.
+
+        This needs linear damping, forces proportional to the deflection, and a stiffness that is
+        constant between its steps.
+        """
+        # Column 0 is the linear damping; column 1 of the lines is the slope of the stiffness.
         nonlinear = self.damping[:, 1:].any() or self.stiffness_powers.any()
         for pieces in (self.drive_stiffness, self.coast_stiffness):
             nonlinear |= bool(pieces.harmonics.size) or pieces.lines[:, 1].any()
         return not nonlinear
 
     def nonlinear_mesh(self, tuning: float, tolerance: float) -> NonlinearMesh:
-        """Return the constants of the equation for steps by Taylor series.
+        """Return the constants of the equation for integration by Taylor series.
 
-        `tuning` is the excitation frequency nu, and `tolerance` is the allowed error of a step.
-        Velocities are by mesh phase, so that x' becomes nu x' and the equation is divided by nu^2.
+        `tuning` is the frequency nu of the excitation, and `tolerance` is the allowed error of a
+        step. Velocities become derivatives by the mesh phase tau = nu t, so that x' becomes nu x'
+        and the equation is divided by nu^2.
         """
         force_scale = 1.0 / tuning**2
         drive_side, coast_side = self.stiffness_pieces()
+        # The columns are linear, quadratic and cubic damping.
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
         # Harmonics are rows (order, cosine, sine), of which only the amplitudes are scaled.
         harmonic_scale = np.array([1.0, force_scale, force_scale])
         inertia = self.deviation.copy()
         # The second derivative of a harmonic of order n is -n^2 times the harmonic.
         inertia[:, 1:] *= -(inertia[:, :1] ** 2)
-        mean_force = [0.0, self.load * force_scale, 0.0]
+        mean_force = [0.0, self.load * force_scale, 0.0]  # as a cosine of order 0
         return NonlinearMesh(
             tuning=tuning,
             backlash_ratio=self.upper - self.lower,
@@ -116,11 +123,12 @@ class Equation:
         )
 
     def system(self, tuning: float) -> TrainSystem:
-        """Return the state-space matrices of a piecewise-linear equation.
+        """Return the state-space matrices of a piecewise-linear equation, a `TrainSystem`.
 
-        `tuning` is the excitation frequency nu. The state holds q = x - f, dq/dt, the constant 1,
-        and a cosine and a sine of each order of the excitation, over the time t of the model. The
-        deviation f moves the flanks, so that its inertia does not appear as a force.
+        `tuning` is the frequency nu of the excitation. The state holds q = x - f (the displacement
+        without the deviation f of the flanks), dq/dt, the constant 1, and a cosine and a sine of
+        each order of the excitation, over the time t of the model. The deviation f moves the
+        flanks, so that its inertia does not appear as a force.
         """
         drive_side, coast_side = self.stiffness_pieces()
         orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
@@ -129,16 +137,19 @@ class Equation:
         upper[0], force_input[1] = 1.0, -1.0
         gap_damping = self.damping[NO_CONTACT + 1, 0]
         free = single_mesh_system.harmonic_oscillators(n, 3, tuning * orders).astype(upper.dtype)
+        # The rows of dq/dt and d2q/dt2; `upper` and `lower` map the state to flank distances.
         free[0, 1] = 1.0
         free[1, 2] = self.load
         for row_vector, harmonics in ((free[1], self.force), (upper, self.deviation)):
             for order, cosine, sine in harmonics:
                 column = 3 + 2 * int(np.searchsorted(orders, order))
                 row_vector[column : column + 2] += cosine, sine
-        # At this point upper @ state is x and (upper @ free) @ state is dx/dt.
+        # At this point, before the position of the flank is subtracted, upper @ state is x and
+        # (upper @ free) @ state is dx/dt.
         free[1] -= self.ground_stiffness * upper + gap_damping * (upper @ free)
         lower[:] = upper
         upper[2] = -self.upper
+        # Contact adds the difference to the damping of free flight, which acts everywhere.
         damping = self.damping[DRIVE + 1, 0] - gap_damping
         flanks = {DRIVE: single_mesh_system.Flank(upper, drive_side.lines[:, 0], damping)}
         if np.isfinite(self.lower):
@@ -150,31 +161,36 @@ class Equation:
         )
 
     def static_displacement(self, load: float) -> float:
-        """Return the displacement in equilibrium just after phase 0.
+        """Return the displacement in static equilibrium just after phase 0.
 
-        `load` is the mean force over the `load` of the equation. If there is no equilibrium, or if
-        there are many, return the displacement closest to 0 without deflection.
+        `load` is the mean force over the `load` of the equation. Each flank carries a force that
+        pushes against it. If there is no equilibrium, or if there are many, return the displacement
+        without deflection that is closest to 0.
         """
         # At phase 0 only the cosines of harmonics, in column 1, are not 0.
         force, ground = self.load * load + self.force[:, 1].sum(), self.ground_stiffness
         contacts = (1.0, self.upper, self.drive_stiffness), (-1.0, self.lower, self.coast_stiffness)
         for sign, flank_line, pieces in contacts:
+            # Skip a flank that does not exist, or towards which no force pushes.
             if not math.isfinite(flank_line) or sign * (force - ground * flank_line) <= 0.0:
                 continue
             stiffness = pieces.lines[0, 0] + pieces.harmonics[:, 1].sum()
             if not stiffness + ground > 0.0:
-                continue
+                continue  # Nothing would resist the force.
             # The force increases with the deflection, so that exactly one root is positive.
             powers = stiffness * self.stiffness_powers[::-1]
             linear = stiffness + ground, -sign * (force - ground * flank_line)
             deflection = np.roots([*powers, *linear]).real.max()
             return float(flank_line + sign * deflection)
-        if ground:
+        if ground:  # Only the spring to the ground carries the force.
             return float(force / ground)
         return float(np.clip(0.0, self.lower, self.upper))
 
     def stiffness_pieces(self) -> tuple[Pieces, Pieces]:
-        """Return the stiffness of drive-side and coast-side contact, cut at the same phases."""
+        """Return the stiffness of drive-side and of coast-side contact over the mesh phase.
+
+        Both consist of straight pieces between breaks, which become the same phases for both.
+        """
         if self.drive_stiffness is self.coast_stiffness:
             return self.drive_stiffness, self.coast_stiffness
         breaks = np.union1d(self.drive_stiffness.breaks, self.coast_stiffness.breaks)
@@ -182,11 +198,12 @@ class Equation:
 
 
 def pair_equation(pair, stiffness, nonlinear_damping=0.0, **other_terms) -> Equation:
-    """Return the dimensionless equation of motion of a `GearPair` with a mesh stiffness (`Pieces`).
+    """Return the dimensionless `Equation` of motion of a gear pair with a mesh stiffness.
 
-    `nonlinear_damping`, shape (3, 3), has rows for coast side, backlash and drive side and columns
-    for linear damping, which must be 0, quadratic damping d2 and cubic damping d3; a scalar 0 means
-    none. `other_terms` are further fields of `Equation`, such as the force.
+    `pair` is a `GearPair`, and `stiffness` a `Pieces`: straight pieces over the mesh phase, divided
+    by the mean. `nonlinear_damping`, shape (3, 3), has rows for coast side, free flight and drive
+    side and columns for linear damping, which must be 0, quadratic damping d2 and cubic damping d3;
+    a scalar 0 means none. `other_terms` are further fields of `Equation`, such as the force.
     """
     damping = np.zeros((3, 3)) + nonlinear_damping
     damping[:, 0] += 2.0 * np.array(
@@ -204,7 +221,7 @@ class OneDegreePair(WithPair):
     stiffness is not possible, because the flanks could pass through each other.
     """
 
-    # Without `field`, the attribute `pair` of the base class would become the default.
+    # The call of `field` prevents the attribute `pair` of the base class from becoming the default.
     pair: Annotated[GearPair, described("Stiffness, mass, load, backlash, linear damping")] = (
         field()
     )
@@ -234,7 +251,10 @@ class OneDegreePair(WithPair):
 
     @property
     def force_note(self) -> str:
-        """A sentence on jumps of the mesh force for results; "" for a continuous stiffness."""
+        """A sentence for results on jumps of the mesh force; "" if the stiffness has no jumps.
+
+        A rectangular stiffness is that of the `GearPair`, which has a sentence of its own.
+        """
         if isinstance(self.profile, Rectangular):
             return self.pair.force_note
         return force_note(self.equation.drive_stiffness.smallest_ratio, is_rectangle=False)
@@ -250,9 +270,11 @@ class OneDegreePair(WithPair):
 
     @cached_property
     def equation(self) -> Equation:
-        """The equation of motion, with lengths in static deflections and times in 1 / Omega_s.
+        """The `Equation` of motion, with lengths in static deflections and times in 1 / Omega_s.
 
-        Omega_s is the mean natural frequency of the pair in rad/s.
+        Omega_s is the natural frequency at the mean stiffness, in rad/s. Nonlinear damping and
+        stiffness, the external force and the deviation of the flanks are added to the equation of
+        the `GearPair`.
         """
         pair = self.pair
         deflection, mass = pair.static_deflection, pair.reduced_mass
@@ -366,7 +388,11 @@ class DeadZoneOscillator(Model):
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
     def __post_init__(self) -> None:
-        """Check the edges and stiffnesses, and set default values."""
+        """Check the edges and stiffnesses of the contacts, and set default values.
+
+        The lower edge must not lie above the upper edge, and a contact that exists must have a
+        stiffness.
+        """
         allowed = f"-inf or a number <= upper_edge = {self.upper_edge!r}"
         valid = self.lower_edge <= self.upper_edge
         checks.require(valid, "lower_edge", self.lower_edge, allowed)
@@ -380,7 +406,11 @@ class DeadZoneOscillator(Model):
 
     @cached_property
     def equation(self) -> Equation:
-        """The equation of motion in the units of the parameters."""
+        """The `Equation` of motion in the units of the parameters.
+
+        The upper contact takes the place of drive-side contact, the lower contact that of
+        coast-side contact. The rows of the damping are lower contact, gap and upper contact.
+        """
         upper = _pieces(self.upper_stiffness)
         same_stiffness = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
         stiffest = max(_mean(self.upper_stiffness), _mean(self.lower_stiffness))
@@ -401,9 +431,12 @@ class DeadZoneOscillator(Model):
 
 
 def _pieces(stiffness: float | Series | Steps) -> Pieces:
-    """Return a stiffness, a constant or a periodic `Series` or `Steps`, as `Pieces`."""
+    """Return a stiffness as `Pieces`, straight lines and harmonics between breaks.
+
+    `stiffness` is a constant or a periodic `Series` (harmonics) or `Steps`.
+    """
     if isinstance(stiffness, float):
-        stiffness = Steps((0.0,), (stiffness,))
+        stiffness = Steps((0.0,), (stiffness,))  # one step, from phase 0 on
     return stiffness.pieces()
 
 

@@ -27,9 +27,10 @@ _MIN_SCALAR_STIFFNESS_RATIO = 1e-4
 
 
 def _scalar_propagator(model: "GearPair", tuning: float, **options: Any) -> Any:
-    """Return the integrator of a gear pair in scalar closed forms at a tuning.
+    """Return the integrator of a gear pair by scalar closed forms at a tuning.
 
-    `options` are keyword arguments of its class `Propagator`.
+    `tuning` is the mesh frequency over the natural frequency; `options` are keyword arguments of
+    the integrator class `Propagator`.
     """
     # Imported on first use, because it takes time to load.
     from gearlib.engines.pair.propagator import Propagator
@@ -44,7 +45,10 @@ class GearPair(PairParameters, Model):
     has_pair_equation = True
 
     def __post_init__(self) -> None:
-        """Check the parameters, their scales and the damping ratios."""
+        """Check the parameters, their scales and the damping ratios.
+
+        Scales and ratios outside of their limits could overflow or underflow in products.
+        """
         super().__post_init__()
         check_scales(self)
         max_damping = MAX_MAGNITUDE * 2.0 * self.reduced_mass * self.mean_eigenfrequency
@@ -53,6 +57,7 @@ class GearPair(PairParameters, Model):
         )
         for name in ("material_damping", "backlash_damping"):
             damping = getattr(self, name)
+            # The damping in contact may be unknown, which is None.
             checks.require(damping is None or damping <= max_damping, name, damping, allowed)
 
     @classmethod
@@ -143,19 +148,21 @@ class GearPair(PairParameters, Model):
     def equation(self) -> Any:
         """The `Equation` of motion, with lengths in static deflections and times in 1 / Omega_s.
 
-        Omega_s is the mean natural frequency in rad/s.
+        Omega_s is the natural frequency at the mean stiffness, in rad/s.
         """
-        # Imported here, since reading the configuration needs the fields but no equation.
+        # Imported here, because reading the configuration needs the fields but no equation.
         from gearlib.models.one_degree_pair import pair_equation
         from gearlib.models.profiles import Rectangular
 
+        # The mesh stiffness of the pair is rectangular over the mesh phase.
         return pair_equation(self, Rectangular().pieces(self))
 
     @property
     def propagators(self) -> dict[str, Callable]:
-        """Integrators by the name of their method, with the default method first.
+        """Functions that create integrators, by the name of the method; the default is first.
 
-        The closed forms are scalar unless the stiffness ratio is tiny.
+        "exact" means closed forms and "taylor" Taylor series. The closed forms are scalar, which is
+        faster, unless the ratio of minimum to maximum stiffness is so small that they lose digits.
         """
         propagators = {"exact": _scalar_propagator, "taylor": taylor_propagator}
         if self.stiffness_ratio < _MIN_SCALAR_STIFFNESS_RATIO:
@@ -182,11 +189,17 @@ class GearPair(PairParameters, Model):
         return math.sqrt(self.mean_stiffness / self.min_stiffness)
 
     def tuning_max(self, tuning: Any) -> Any:
-        """Return nu_max = omega_c / Omega_max for a tuning nu (float or array)."""
+        """Return the tuning relative to the natural frequency at the maximum stiffness.
+
+        `tuning`, a float or array, is the mesh frequency over the mean natural frequency.
+        """
         return tuning * self.tuning_factor_max
 
     def tuning_min(self, tuning: Any) -> Any:
-        """Return nu_min = omega_c / Omega_min for a tuning nu (float or array)."""
+        """Return the tuning relative to the natural frequency at the minimum stiffness.
+
+        `tuning`, a float or array, is the mesh frequency over the mean natural frequency.
+        """
         return tuning * self.tuning_factor_min
 
     def mesh_frequency(self, tuning: Any) -> Any:
@@ -203,10 +216,12 @@ class GearPair(PairParameters, Model):
         return 0.0, -self.backlash_ratio
 
     def scales(self) -> dict[str, float]:
-        """Return the scales of a dataset that do not depend on the speed, name -> value.
+        """Return the scales of a dataset that do not depend on the speed, as a dict name -> value.
 
-        Values are in SI units. A tuning times tuning_factor_max or tuning_factor_min is the tuning
-        relative to the natural frequency at the maximum or minimum stiffness, in place of the mean.
+        Deflection, force and stiffness are in SI units, and the backlash is in static deflections.
+        A tuning (mesh over natural frequency) times tuning_factor_max or tuning_factor_min is the
+        tuning relative to the natural frequency at the maximum or minimum stiffness, in place of
+        the mean stiffness.
         """
         return {
             "static_deflection": self.static_deflection,
@@ -226,7 +241,10 @@ class WithPair(Model):
         def __getattr__(self, name: str) -> Any: ...
 
     def as_dict(self) -> dict:
-        """Return the parameters of the model and its pair as one dict of plain values."""
+        """Return the parameters of the model and of its gear pair as one dict of plain values.
+
+        If both have a parameter of the same name, the parameter of the model is kept.
+        """
         values = super().as_dict()
         return values.pop("pair") | values
 

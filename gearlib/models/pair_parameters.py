@@ -29,7 +29,10 @@ PAPER |= {"contact_ratio": 1.569, "reduced_mass": 3.123}
 
 
 def check_scales(pair: Any) -> None:
-    """Raise ValueError if stiffness, mass or load of a gear pair is too large or too small."""
+    """Raise ValueError if stiffness, mass or load of a gear pair is too large or too small.
+
+    Beyond these limits, products of the values would overflow or underflow. `pair` is a `GearPair`.
+    """
     allowed = f"a finite number > 0, from {MIN_MAGNITUDE} to {MAX_MAGNITUDE}"
     for name in ("max_stiffness", "reduced_mass", "load"):
         value = getattr(pair, name)
@@ -81,14 +84,21 @@ class PairScales:
 
     @property
     def stiffness_model(self) -> str:
-        """The mesh stiffness in words."""
+        """The mesh stiffness in words, with stiffness ratio kappa and contact ratio epsilon.
+
+        The stiffness is constant where there is no warning of jumps of the mesh force,
+        `force_note`.
+        """
         if not self.force_note:
             return "constant stiffness"
         return f"rectangle, kappa {self.stiffness_ratio:.4g}, epsilon {self.contact_ratio:.4g}"
 
     @property
     def name(self) -> str:
-        """Name of the gears in titles and captions."""
+        """Name of the gears in titles and captions.
+
+        The gear pair of Hortel and Skuderova (2007) is recognized by the values in `PAPER`.
+        """
         if all(math.isclose(getattr(self, key), value) for key, value in PAPER.items()):
             return "paper's pair"
         return (
@@ -133,10 +143,11 @@ RATIO_NAMES = {
 
 
 def ratio_fields(pair: Any, ratio_name: str, value: float) -> dict[str, float]:
-    """Return the field of a gear pair that a ratio determines, as a dict field name -> SI value.
+    """Return the field that a ratio of a gear pair determines, as a dict of field name -> SI value.
 
     `ratio_name` is "damping_ratio", "backlash_damping_ratio" or "backlash_ratio", and `value` is
-    its value.
+    its value. A damping ratio is relative to the critical damping 2 m Omega_s, with the natural
+    frequency Omega_s, and the backlash ratio to the static deflection.
     """
     if ratio_name == "backlash_ratio":
         scale = pair.static_deflection

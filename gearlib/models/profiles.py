@@ -44,20 +44,26 @@ class Pieces:
 
     @property
     def smallest_ratio(self) -> float:
-        """Ratio of smaller to larger stiffness at the largest jump, 1 if there is no jump."""
+        """Ratio of smaller to larger stiffness at the largest jump, 1 if there is no jump.
+
+        Each row of `lines` holds the stiffness at the start of a straight piece and its slope;
+        pieces lie between `breaks`, phases from 0 to 2 pi.
+        """
         import numpy as np
 
         start_values, slopes = self.lines.T
         end_values = start_values + slopes * np.diff(self.breaks)
+        # The harmonics are continuous and add the same value on both sides of a break.
         oscillation = _sum_of_harmonics(self.harmonics, self.breaks)[:-1]
         # Stiffnesses before and after each break but the last, where the next period begins.
         before, after = np.roll(end_values, 1) + oscillation, start_values + oscillation
         return float(np.min(np.minimum(before, after) / np.maximum(before, after)))
 
     def cut_at(self, breaks: "np.ndarray") -> "Pieces":
-        """Return the same stiffness with more `breaks`, which must include the present breaks.
+        """Return the same stiffness divided into more pieces, between the phases `breaks`.
 
-        `breaks` are ascending phases from 0 to 2 pi.
+        `breaks` ascend from 0 to 2 pi and must include the present breaks. The value at the start
+        of each new straight piece follows from the piece in which it lies.
         """
         import numpy as np
 
@@ -94,14 +100,17 @@ class Rectangular(Profile):
     """The rectangular stiffness of Eq. (1): C_max around tau = 0, C_min elsewhere."""
 
     def pieces(self, pair: Any = None) -> Pieces:
-        """Return the rectangular mesh stiffness of a `GearPair`, divided by its mean."""
+        """Return the rectangular mesh stiffness of a `GearPair` as `Pieces`, divided by its mean.
+
+        The pieces are the maximum, the minimum and again the maximum stiffness.
+        """
         import numpy as np
 
         high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
         # The period starts in the middle of the higher level, so that this level is cut in half.
         half_high_length, low_length = segment_lengths(pair.contact_ratio)
         lengths = np.array([half_high_length, low_length, half_high_length])
-        nonempty = lengths > 0.0
+        nonempty = lengths > 0.0  # A contact ratio of 1 or 2 leaves only one level.
         breaks = np.append(0.0, np.cumsum(lengths[nonempty]))
         breaks[-1] = 2.0 * math.pi
         values = np.array([high, low, high])
@@ -129,11 +138,16 @@ class Fourier(Profile):
         return f"Fourier series of {self.harmonics} harmonics"
 
     def pieces(self, pair: Any = None) -> Pieces:
-        """Return the truncated Fourier series of a `GearPair`'s stiffness, divided by its mean."""
+        """Return the truncated Fourier series of the rectangular mesh stiffness as `Pieces`.
+
+        The stiffness of `pair`, a `GearPair`, is divided by its mean. The series has
+        `self.harmonics` terms.
+        """
         import numpy as np
 
         high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
         orders = np.arange(1, self.harmonics + 1)
+        # The series of a rectangular wave whose higher level is centred on phase 0.
         amplitudes = (high - low) / 2.0 * 4.0 / (math.pi * orders) * (-1.0) ** orders
         cosines = amplitudes * np.sin(orders * math.pi * (pair.contact_ratio - 2.0))
         harmonics = np.column_stack([orders, cosines, np.zeros(orders.size)])
@@ -154,7 +168,10 @@ class Series(Profile):
     harmonics: Annotated[Harmonics, described("Harmonics added to the mean")]
 
     def __post_init__(self) -> None:
-        """Raise ValueError if the stiffness is negative at a phase."""
+        """Raise ValueError if the stiffness, mean plus harmonics, is negative at a phase.
+
+        It is computed at `_SAMPLES_PER_WAVE` phases per period of the highest harmonic.
+        """
         import numpy as np
 
         table = self.harmonics.table()
@@ -173,7 +190,10 @@ class Series(Profile):
         return f"mean and harmonics up to order {len(self.harmonics.table())}"
 
     def pieces(self, pair: Any = None) -> Pieces:
-        """Return the stiffness as `Pieces`; with a `GearPair` it is divided by its mean."""
+        """Return the stiffness as `Pieces`, straight lines and harmonics between breaks.
+
+        With a `GearPair` as `pair` it is divided by its mean.
+        """
         mean = self.mean if pair is None else 1.0
         return _harmonic_pieces(mean, self.harmonics.table(mean / self.mean))
 
@@ -209,11 +229,14 @@ class Steps(Profile):
         return f"{len(self.phase)} steps"
 
     def pieces(self, pair: Any = None) -> Pieces:
-        """Return the stiffness as `Pieces`; with a `GearPair` it is divided by its mean."""
+        """Return the stiffness as `Pieces`, here constants between breaks from phase 0 to 2 pi.
+
+        With a `GearPair` as `pair` it is divided by its mean.
+        """
         import numpy as np
 
         starts, values = np.array(self.phase), np.array(self.stiffness)
-        if starts[0] > 0.0:
+        if starts[0] > 0.0:  # The last segment continues from phase 0 to the first start.
             starts, values = np.append(0.0, starts), np.append(values[-1], values)
         breaks = np.append(starts, 2.0 * math.pi)
         mean = float(values @ np.diff(breaks)) / (2.0 * math.pi)
@@ -292,7 +315,7 @@ class Tabulated(Profile):
         return table
 
     def mean(self) -> float:
-        """Return the mean stiffness over one period, N/m."""
+        """Return the mean over one period of the stiffness, which is linear between points, N/m."""
         import numpy as np
 
         phase, values = self._closed_period()
@@ -309,11 +332,16 @@ class Tabulated(Profile):
         return high, low / high, 1.0 + (mean - low) / (high - low)
 
     def pieces(self, pair: Any = None) -> Pieces:
-        """Return the table divided by its mean as `Pieces`; the argument `pair` is not used."""
+        """Return the table as `Pieces`, straight lines between breaks, divided by its mean.
+
+        The argument `pair` is not used, because the table holds the stiffness itself. There are
+        breaks at the points of the table and where it crosses its mean.
+        """
         import numpy as np
 
         phase, values = self._closed_period()
         values = values / self.mean()
+        # The phases at which the straight lines between points cross the mean, which is 1.
         left, right = values[:-1] - 1.0, values[1:] - 1.0
         crosses_mean = left * right < 0.0
         fraction = left[crosses_mean] / (left - right)[crosses_mean]
@@ -327,7 +355,10 @@ class Tabulated(Profile):
         return Pieces(breaks, np.column_stack([values[:-1], slopes]), low, np.empty((0, 3)))
 
     def _closed_period(self) -> tuple["np.ndarray", "np.ndarray"]:
-        """Return phases and stiffnesses with the first point repeated one period later."""
+        """Return phases and stiffnesses of the table, closed to a full period.
+
+        The first point is repeated one period later.
+        """
         import numpy as np
 
         phase = np.array([*self.phase, self.phase[0] + 2.0 * math.pi])
@@ -339,22 +370,29 @@ PROFILES = {kind.__name__.lower(): kind for kind in Profile.__subclasses__()}
 
 
 def profile_of(kind: str, **values: Any) -> Profile:
-    """Return the profile of a kind, a key of `PROFILES`, with parameters given as plain values."""
+    """Return the stiffness profile of a kind, such as "fourier", with these parameters.
+
+    `kind` is a key of `PROFILES`, and `values` are parameters as plain values; a dict of harmonics
+    becomes `Harmonics`.
+    """
     if isinstance(values.get("harmonics"), dict):
         values["harmonics"] = Harmonics(**values["harmonics"])
     return PROFILES[kind](**values)
 
 
 def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
-    """Return the columns `names` of a CSV file with a header, as a list of tuples of numbers.
+    """Read two columns of a CSV file with a header, and return them as tuples of numbers.
 
-    Raises ValueError with the number of the line that cannot be read.
+    `names` are the names of the columns for phase and stiffness. The separator of cells and the
+    decimal sign, a point or a comma, are recognized. Raises ValueError with the number of the line
+    that cannot be read.
     """
     table = []  # (line number, cells) of all lines that are not empty
     try:
-        # Spreadsheets write a byte order mark.
+        # Spreadsheets write a byte order mark, which "utf-8-sig" removes.
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         header_line = next(filter(str.strip, lines), "")
+        # The separator is the sign that occurs most often in the header.
         separator = max(",;\t", key=header_line.count)
         for line_number, row in enumerate(csv.reader(lines, delimiter=separator), 1):
             cells = [cell.strip() for cell in row]
@@ -365,7 +403,7 @@ def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
     header = table.pop(0)[1] if table else []
     indices = _indices(header, names)
     columns: tuple[list, list] = [], []
-    decimal_sign = "." if separator == "," else ""
+    decimal_sign = "." if separator == "," else ""  # "": the first number with a sign decides
     for line_number, cells in table:
         if len(cells) < len(header) or any(cells[len(header) :]):
             allowed = f"{len(header)}, one for each column"
@@ -387,10 +425,14 @@ def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
 
 
 def _netcdf_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
-    """Return the variables `names` of a netCDF file, as a list of tuples of numbers."""
+    """Read two variables of a netCDF file, and return them as tuples of numbers.
+
+    `names` are the names of the variables for phase and stiffness. Raises ValueError if the file is
+    not netCDF or has no such variable.
+    """
     import numpy as np
 
-    # Imported here, since only netCDF files need xarray.
+    # Imported here, because only netCDF files need xarray.
     import xarray as xr
 
     try:
@@ -399,15 +441,15 @@ def _netcdf_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
         raise
     except (OSError, ValueError):
         raise ValueError("it must be a CSV file, whose name ends with .csv, or netCDF") from None
-    _indices([*map(str, dataset.variables)], names)
+    _indices([*map(str, dataset.variables)], names)  # raises ValueError if a name is missing
     return [tuple(np.atleast_1d(dataset[name].values).tolist()) for name in names]
 
 
 def _indices(known_names: list[str], names: tuple[str, str]) -> list[int]:
-    """Return the indices of the phase and stiffness columns among the names that a file has.
+    """Return the indices of the phase column and the stiffness column in a file.
 
-    `known_names` are the names in the file, and `names` are the user's (phase, stiffness). Raises
-    ValueError if a name is missing or occurs more than once.
+    `known_names` are the names of all its columns, and `names` are those that the user gave for
+    (phase, stiffness). Raises ValueError if a name is missing or occurs more than once.
     """
     for key, name in zip(("phase", "stiffness"), names, strict=True):
         allowed = f"the name of a column, one of {sorted(known_names)}"
@@ -418,7 +460,7 @@ def _indices(known_names: list[str], names: tuple[str, str]) -> list[int]:
 
 
 def _check_table(profile: Any, min_length: int) -> None:
-    """Raise ValueError unless the phases of a profile increase and each has a stiffness.
+    """Raise ValueError unless the phases of a stiffness profile increase and each has a value.
 
     `profile` is a `Steps` or `Tabulated`. It must have at least `min_length` phases, in [0, 2 pi).
     """
@@ -434,7 +476,7 @@ def _check_table(profile: Any, min_length: int) -> None:
 
 
 def _constant_pieces(breaks, values, low, harmonics=()) -> Pieces:
-    """Return `Pieces` of a stiffness that is constant between breaks, plus harmonics.
+    """Return the `Pieces` of a stiffness that is constant between breaks, plus harmonics.
 
     `breaks` are m + 1 phases in rad and `values`, shape (m,), are the constants between them.
     `low`, bool, (m,), marks pieces below the mean; `harmonics`, (n, 3), has rows (order, cosine,
@@ -442,14 +484,14 @@ def _constant_pieces(breaks, values, low, harmonics=()) -> Pieces:
     """
     import numpy as np
 
-    lines = np.column_stack([values, 0.0 * values])
+    lines = np.column_stack([values, 0.0 * values])  # values and slopes
     return Pieces(breaks, lines, low, np.reshape(harmonics, (-1, 3)))
 
 
 def _sum_of_harmonics(harmonics: "np.ndarray", phases: Any) -> "np.ndarray":
-    """Return the sum of harmonics at phases in rad.
+    """Return the sum of harmonics at phases in rad, an array with the shape of `phases`.
 
-    `harmonics`, shape (n, 3), has rows (order, cosine, sine).
+    `harmonics`, shape (n, 3), has rows (order, cosine amplitude, sine amplitude).
     """
     import numpy as np
 
@@ -458,18 +500,20 @@ def _sum_of_harmonics(harmonics: "np.ndarray", phases: Any) -> "np.ndarray":
 
 
 def _harmonic_pieces(mean: float, harmonics: "np.ndarray") -> Pieces:
-    """Return `Pieces` of a mean plus harmonics, with breaks where the sum crosses the mean.
+    """Return the `Pieces` of a mean plus harmonics, divided where the sum crosses the mean.
 
-    The harmonics, shape (n, 3), are rows (order, cosine, sine).
+    The harmonics, shape (n, 3), are rows (order, cosine, sine). So each piece lies entirely above
+    or entirely below the mean.
     """
     import numpy as np
 
-    # Imported here, since loading it takes 0.3 s and only these profiles need it.
+    # Imported here, because loading it takes 0.3 s and only these profiles need it.
     from scipy.optimize import brentq
 
     def oscillation(phase: float) -> float:
         return float(_sum_of_harmonics(harmonics, phase))
 
+    # Search for changes of sign on a fine grid, and then refine each of them.
     highest_order = max(int(harmonics[:, 0].max(initial=0.0)), 1)
     phases = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * highest_order + 1)
     signs = np.sign(_sum_of_harmonics(harmonics, phases))

@@ -19,18 +19,21 @@ class Flank(NamedTuple):
 
 
 def single_mesh_system(free, force_input, flanks, below_mean, starts, orders, tuning):
-    """Return the `TrainSystem` of one mesh for a state z of n components and p stiffness segments.
+    """Return the matrices of one mesh, a `TrainSystem`, for a state z of n components.
 
-    In free flight dz/dt = free z, with `free` of shape (n, n); a unit contact force adds
-    `force_input`, shape (n,), to dz/dt. `flanks` maps the contact code DRIVE and, if there is a
-    coast side, COAST to a `Flank`. `below_mean`, shape (p,), marks segments below the mean
-    stiffness, and `starts`, shape (p + 1,), are their boundaries in phase. `orders` are the orders
-    of the excitation, and `tuning` is its frequency; z ends with a cosine and a sine of each order.
+    The stiffness is constant in p segments of the phase. In free flight dz/dt = free z, with `free`
+    of shape (n, n); a unit contact force adds `force_input`, shape (n,), to dz/dt. `flanks` maps
+    the contact code DRIVE and, if there is a coast side, COAST to a `Flank`. `below_mean`, shape
+    (p,), marks segments below the mean stiffness, and `starts`, shape (p + 1,), bound the segments.
+    `orders` are those of the excitation, and `tuning` is its frequency; z ends with a cosine and a
+    sine of each.
     """
     n, p = len(free), len(below_mean)
-    constant = n - 1 - 2 * len(orders)  # index of the component of z that is always 1
+    # The component of z with this index is always 1; before it are coordinates and velocities.
+    constant = n - 1 - 2 * len(orders)
     drive_line = flanks[DRIVE].distance_row
     coast_line = flanks[COAST].distance_row if COAST in flanks else absent_flank(n, constant)
+    # The first axis is the contact: coast side, none, drive side. Force 0 is no contact.
     force_index = np.zeros((3, p, 1), np.int64)
     forces: dict = {}  # (contact code, stiffness, side of the mean) -> (index, row vector)
     stiffness = np.zeros((3, p, 1), free.dtype)
@@ -73,15 +76,18 @@ def _max_norm(matrices: np.ndarray) -> float:
 
 
 def state_matrix_by_phase(system, contact_codes, segment) -> np.ndarray:
-    """Return the state matrix A of dz/dtau = A z with the mesh phase tau, shape (n, n).
+    """Return the state matrix A of dz/dtau = A z, with the mesh phase tau, shape (n, n).
 
-    `system` is a `TrainSystem`, `contact_codes` holds the contact state of each mesh, -1, 0 or 1,
-    and `segment` is the index of the stiffness segment. Velocities in z are derivatives by phase;
-    in the `TrainSystem` they are derivatives by the time tau / tuning.
+    `system` is a `TrainSystem`; `contact_codes` holds the contact of each mesh (-1 coast side, 0
+    none, 1 drive side), and `segment` is the index of a segment of constant stiffness. The
+    `TrainSystem` uses the time tau / tuning, so that velocities, here derivatives by phase, are
+    rescaled.
     """
+    # `effect` has the index of the contact force of each mesh, in a contact and a segment.
     force_indices = [system.effect[code + 1, segment, j] for j, code in enumerate(contact_codes)]
     matrix = np.empty_like(system.base_matrix)
     fill_system_matrix(system, np.array(force_indices, np.int64), matrix)
+    # z holds coordinates, velocities, the constant 1, and a cosine and a sine of each harmonic.
     coordinate_count = (len(matrix) - 1 - 2 * system.harmonics.size) // 2
     scale = np.ones(len(matrix), matrix.dtype)
     scale[coordinate_count : 2 * coordinate_count] = system.tuning
@@ -89,10 +95,10 @@ def state_matrix_by_phase(system, contact_codes, segment) -> np.ndarray:
 
 
 def harmonic_oscillators(n: int, start: int, frequencies: np.ndarray) -> np.ndarray:
-    """Return a state matrix (n, n) that generates cosines and sines of angular `frequencies`.
+    """Return a state matrix (n, n) whose states contain cosines and sines of time.
 
-    The state component with the index `start` is the first cosine, followed by its sine, the next
-    cosine and so on. The other entries of the matrix are 0.
+    They have the angular `frequencies`. The state component with the index `start` is the first
+    cosine, followed by its sine, the next cosine and so on. The other entries of the matrix are 0.
     """
     matrix = np.zeros((n, n), np.asarray(frequencies).dtype)
     for j, frequency in enumerate(frequencies):
@@ -103,23 +109,26 @@ def harmonic_oscillators(n: int, start: int, frequencies: np.ndarray) -> np.ndar
 
 
 def absent_flank(n: int, constant: int) -> np.ndarray:
-    """Return the distance row of a flank that does not exist, whose distance is always 1.
+    """Return the distance row of a flank that does not exist, so that it never touches.
 
-    It maps a state of `n` components to the component with the index `constant`, which is always 1.
+    A distance row maps a state of `n` components to the distance of the flanks. This one returns
+    the component with the index `constant`, which is always 1.
     """
     return np.eye(n)[constant]
 
 
 def contact_monodromy(model: Any, tuning: float) -> np.ndarray:
-    """Return the monodromy matrix of a model in permanent contact over the excitation's period.
+    """Return the monodromy matrix of a model in permanent contact.
 
-    The flanks that carry the static load are in contact. `tuning` is the excitation over the
-    natural frequency. Rigid-body rotation is removed from the states.
+    The matrix maps the state, without rigid-body rotation, over one period of the excitation. The
+    flanks that carry the static load touch. `tuning` is the frequency of the excitation over the
+    natural frequency.
     """
     system, n = model.system(tuning), model.size
     period_map = np.eye(n)
     contact_codes = np.atleast_1d(model.loaded_sides)
     for segment, length in enumerate(np.diff(system.starts)):
+        # The first n components are coordinates and velocities, without the excitation.
         matrix = state_matrix_by_phase(system, contact_codes, segment)[:n, :n].copy()
         # The matrix exponential is accurate for steps no longer than `system.max_step`.
         steps = math.ceil(length / tuning / system.max_step)
@@ -132,19 +141,21 @@ def contact_monodromy(model: Any, tuning: float) -> np.ndarray:
 def contact_decay_rate(model: Any, tuning: float) -> float:
     """Return the decay rate of the slowest mode in permanent contact, per radian of phase.
 
-    `model` is a model with a gear train. The flanks that carry the static load are in contact, with
-    their mean stiffness over the first mesh period. Rigid-body rotation counts only if damping acts
-    on it.
+    `model` has a gear train, and `tuning` is the mesh frequency over the natural frequency. The
+    flanks that carry the static load touch, with their mean stiffness over the first mesh period.
+    Rigid-body rotation counts only if damping acts on it.
     """
-    system, n = model.train.system(tuning, 0, 1), model.size
+    system, n = model.train.system(tuning, 0, 1), model.size  # one period, from period 0 on
     contact_codes = np.atleast_1d(model.loaded_sides)
     matrices = [
         state_matrix_by_phase(system, contact_codes, segment)[:n, :n]
         for segment in range(system.starts.size - 1)
     ]
+    # The matrices of the segments are weighted by the lengths of the segments.
     mean_matrix = np.average(matrices, axis=0, weights=np.diff(system.starts))
     try:
         reduce, lift = model.reduction()
     except ValueError:
+        # Damping or another force acts on the rotation, so that it is part of the motion.
         reduce = lift = np.eye(n)
     return -float(np.linalg.eigvals(reduce @ mean_matrix @ lift).real.max())

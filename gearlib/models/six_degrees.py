@@ -186,6 +186,7 @@ class SixDegreePair(WithPair):
             Other parameters of the class, which replace values from the geometry, and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
+        # Fields of this class are taken out of the options; the others belong to the `GearPair`.
         fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
         pair = GearPair.from_geometry(stage, **options)
         fields = six_degree_parameters(stage) | fields
@@ -223,7 +224,10 @@ class SixDegreePair(WithPair):
         return self.mesh_frequency(tuning) * 60.0 / (2.0 * math.pi * self.teeth[0])
 
     def scales(self) -> dict:
-        """Return the scales of a dataset that do not depend on the speed, name -> value."""
+        """Return the scales of a dataset that do not depend on the speed, as a dict name -> value.
+
+        They are those of the `GearPair` and the torque of gear 3, in SI units.
+        """
         return self.pair.scales() | {"torque": self.torques[0]}
 
     @property
@@ -232,15 +236,16 @@ class SixDegreePair(WithPair):
         return 4 + 2 * len(self.elastic_bearings())
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the matrices (reduce, lift) between full states and states without rigid rotation.
+        """Return the matrices (reduce, lift) that remove and restore rigid-body rotation.
 
-        `reduce`, shape (n - 2, n), removes rigid-body rotation from a state of n components, and
-        `lift`, shape (n, n - 2), returns to a full state.
+        `reduce`, shape (n - 2, n), removes rigid-body rotation from a state of n components, which
+        are coordinates and then velocities, and `lift`, shape (n, n - 2), returns to a full state.
         """
         n = self.size
         # The mesh depends only on the sum u3 + u2 of the rotations; their difference is the
         # rigid-body rotation. `lift` assigns the whole sum to u3.
         lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
+        # u3 has the index 0, u2 the index 1, and their velocities follow n // 2 later.
         reduce = lift.T.copy()
         reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
         return reduce, lift
@@ -250,7 +255,7 @@ class SixDegreePair(WithPair):
         return self.pair.has_damping() or any(self.bearing_damping)
 
     def elastic_bearings(self) -> list[int]:
-        """Return the indices of the bearings y3, z3, y2, z2 with a finite stiffness."""
+        """Return the indices of the bearings y3, z3, y2, z2 whose stiffness is finite."""
         return [i for i, stiffness in enumerate(self.bearing_stiffness) if math.isfinite(stiffness)]
 
     @cached_property
@@ -259,25 +264,29 @@ class SixDegreePair(WithPair):
         return TwoGears(gears=self)
 
     def output_rows(self, system: TrainSystem) -> np.ndarray:
-        """Return the row vectors that map states of `system` to the variables `EXTRA_VARIABLES`.
+        """Return the row vectors that map states to the extra recorded variables.
 
-        The shape is (12 variables, 3 contact states, stiffness segments, components of a state).
+        The variables are rotations, bearing motions, the line where coast-side contact begins, and
+        forces of friction and of bearings, see `EXTRA_VARIABLES`. `system` is the `TrainSystem` of
+        the model. The shape is (12 variables, 3 contact states, stiffness segments, components of a
+        state).
         """
         pair, elastic_bearings = self.pair, self.elastic_bearings()
         m = 2 + len(elastic_bearings)  # number of coordinates: two rotations, then bearings
         constant = 2 * m  # index of the component of a state that is always 1
         shape = (*system.effect.shape[:2], len(system.base_matrix))
         rows = np.zeros((len(EXTRA_VARIABLES), *shape), system.base_matrix.dtype)
-        rows[0, ..., 0] = rows[1, ..., 1] = 1.0
+        rows[0, ..., 0] = rows[1, ..., 1] = 1.0  # The first two variables are the rotations.
         # The backlash line s is the difference of the distances y and y - s of the flanks.
         rows[EXTRA_VARIABLES.index("coast_line")] = system.drive_lines[0] - system.coast_lines[0]
         if math.isinf(pair.backlash):
             rows[EXTRA_VARIABLES.index("coast_line"), ..., constant] = -pair.backlash_ratio
-        # Each contact state and segment has a force law, whose outputs are normal and friction
-        # force.
+        # Each contact state and segment has a force law with two outputs, the normal force (index
+        # 0) and the friction force (index 1).
         force_indices = system.effect[:, :, 0]
         friction_outputs = system.force_output[0, force_indices, 1]
         rows[EXTRA_VARIABLES.index("friction_force")] = friction_outputs
+        # Converts N s/m to a force over the load per velocity by phase in static deflections.
         damping_scale = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
         for column, i in enumerate(elastic_bearings, 2):
             motion_row = EXTRA_VARIABLES.index(f"bearing_{BEARINGS[i]}")
@@ -288,20 +297,22 @@ class SixDegreePair(WithPair):
         return rows
 
     def full_state(self, system: TrainSystem, state: tuple[float, float]) -> np.ndarray:
-        """Return the full state of a `TrainSystem` at tau = 0 from `state`, which is (y, dy/dtau).
+        """Return the full state of a `TrainSystem` at phase tau = 0 from a short initial state.
 
-        y is the relative displacement. The full state holds m coordinates, m velocities, the
-        constant 1, and cosines and sines of the excitation. The bearings start in their static
-        deflection if `preload` is set.
+        `state` is (y, dy/dtau) with the relative displacement y of the flanks. The full state holds
+        m coordinates, m velocities, the constant 1, and cosines and sines of the excitation. The
+        bearings start in their static deflection if `preload` is set.
         """
         z = np.zeros(len(system.base_matrix), system.base_matrix.dtype)
         elastic_bearings, drive_line = self.elastic_bearings(), system.drive_lines[0]
         m = 2 + len(elastic_bearings)
+        # The m coordinates are two rotations, then the elastic bearings.
         if self.preload:
             for column, i in enumerate(elastic_bearings, 2):
                 deflection = self.pair.mean_stiffness / self.bearing_stiffness[i]
                 z[column] = -_Y_DERIVATIVES[BEARINGS[i]] * deflection
-        # Gears that rotate in these proportions start without rigid-body rotation.
+        # Gears that rotate in these proportions, base radius squared over inertia, start without
+        # rigid-body rotation.
         fractions = [r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)]
         fractions = np.array(fractions) / np.sum(fractions)
         z[2 * m] = 1.0
@@ -334,7 +345,12 @@ class TwoGears(GearTrain):
     meshes: tuple = ()
 
     def __post_init__(self) -> None:
-        """Create the mesh and the bodies "3" (pinion) and "2" (wheel) from the pair."""
+        """Create the mesh and the bodies "3" (pinion) and "2" (wheel) from the `SixDegreePair`.
+
+        The dataclass is frozen, so that its fields are set with `object.__setattr__`. Checks of the
+        bodies and the mesh are left out, because values may be intervals, which the checks do not
+        accept.
+        """
         gears = self.gears
         quarter = self.arithmetic.pi / 2.0  # a float, or an interval that encloses the number
         # The run-outs add e3 sin phi3 and -e2 sin(Delta - phi2) to the displacement along the line
@@ -368,16 +384,18 @@ class TwoGears(GearTrain):
         object.__setattr__(self, "reference", "mesh")
 
     def assemble(self, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
-        """Return the matrices of the train, with rotations before bearing motions.
+        """Return the matrices of the train, with the rotations before the bearing motions.
 
-        They are computed in floating-point arithmetic or in ball arithmetic, which encloses errors.
+        They are computed in floating-point arithmetic or, with another `arithmetic`, in interval
+        arithmetic, which encloses rounding errors.
         """
         return structure(self.by_name, self.meshes, (), arithmetic, rotations_first=True)
 
     def segments_of(self, first: int, count: int) -> waves.Segments:
-        """Return the segments of one mesh period, which hold for all periods.
+        """Return the segments of constant stiffness of one mesh period, which hold for all periods.
 
-        The arguments are not used, because the run-out changes no segment.
+        `first` and `count`, the number of the first period and the number of periods, are not used,
+        because the run-out changes no segment.
         """
         return waves.segments(self, 0, 1)
 

@@ -53,7 +53,10 @@ FLANK_PARAMETERS = {
 
 
 def pair_parameters() -> dict[str, Parameter]:
-    """Return the parameters and ratios of a gear pair that can scatter, name -> `Parameter`."""
+    """Return the parameters of a gear pair that can scatter, as a dict name -> `Parameter`.
+
+    A `Parameter` holds type, unit and description. Ratios such as ``damping_ratio`` are included.
+    """
     ratios = {
         name: Parameter(Annotated[NonNegative, described(name.replace("_", " "))])
         for name in RATIOS
@@ -62,9 +65,10 @@ def pair_parameters() -> dict[str, Parameter]:
 
 
 def geometry_parameters() -> dict[str, Any]:
-    """Return the parameters of a gear geometry that can scatter, name -> `Parameter`.
+    """Return the parameters of a gear geometry that can scatter, as a dict name -> `Parameter`.
 
-    Parameters of a single gear have a prefix, as in ``pinion.shift``.
+    A `Parameter` holds type, unit and description. The parameters are those of the stage, its load
+    and damping, and its gears, whose names have a prefix as in ``pinion.shift``.
     """
     parameters = numeric_parameters(GearStage) | LOAD_PARAMETERS | FLANK_PARAMETERS
     for gear_name in ("pinion", "wheel"):
@@ -74,11 +78,12 @@ def geometry_parameters() -> dict[str, Any]:
 
 
 def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, float]:
-    """Return the description of how a parameter scatters as a dict of numbers, with all its keys.
+    """Return the description of how a parameter scatters as numbers, with all its keys.
 
-    `scatter` is a dict with the keys of one of `SCATTER_KEYS`; deviations may be strings such as
-    ``"5 %"``, a percentage of the mean or nominal value. `model_value` is the default of ``mean``
-    and ``nominal``, or None. Raises ValueError with the parameter name if the dict is not allowed.
+    `scatter` is a dict with the keys of one of `SCATTER_KEYS`, such as mean and std; std, upper and
+    lower may be strings such as ``"5 %"``, a percentage of the mean or nominal value. `model_value`
+    is the default of ``mean`` and ``nominal``, or None. Raises ValueError with the parameter name
+    if the dict is not allowed.
     """
     checks.require(hasattr(scatter, "items"), parameter_name, scatter, ALLOWED_SCATTER)
     scatter = dict(scatter)
@@ -91,11 +96,12 @@ def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, flo
     suffix = "" if missing_keys else f", of {centre} = {scatter[centre]!r}"
     if missing_keys and model_value is None:
         raise ValueError(f"{parameter_name}.{centre} is missing: the model has no value of its own")
-    scatter |= dict.fromkeys(missing_keys, model_value)
+    scatter |= dict.fromkeys(missing_keys, model_value)  # Only the centre may be missing.
     values: dict = {}
     for key in keys:
         value, value_type = scatter[key], Finite
         if key in ("std", "upper", "lower"):
+            # A deviation may be a percentage of the centre, which has been checked before it.
             value_type = _Deviation
             percentage = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
             if percentage:
@@ -117,8 +123,9 @@ def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, flo
 def centre_and_limits(values: dict[str, float]) -> tuple[float, float, float]:
     """Return (centre, smallest value, largest value) of a parameter that scatters.
 
-    `values` is a dict that `complete_scatter` returns. The limits of a distribution with a standard
-    deviation are infinite.
+    `values` is the complete dict of {mean, std}, {min, max} or {nominal, upper, lower}, where upper
+    and lower are deviations from the nominal value. A distribution with a standard deviation has
+    infinite limits.
     """
     if "std" in values:
         return values["mean"], -math.inf, math.inf
@@ -131,12 +138,12 @@ def centre_and_limits(values: dict[str, float]) -> tuple[float, float, float]:
 def check_range(parameter_name, scatter, parameter, values) -> None:
     """Raise ValueError if a parameter may not have the centre or a finite limit of its scatter.
 
-    `scatter` is the dict of the user, which names the place of an error; `parameter` is the
-    `Parameter` with the check, or None for no check; `values` are (centre, smallest value, largest
-    value).
+    `values` are (centre, smallest value, largest value). `parameter` is the `Parameter` with the
+    check, or None for no check. `scatter` is the dict of the user; its keys, such as "min", name
+    the wrong value in the message.
     """
     if parameter is None or parameter.number is None:
-        return
+        return  # There is no limit to check.
     centre, *limits = values
     if "min" in scatter:
         limit_names = f"{parameter_name}.min", f"{parameter_name}.max"
@@ -145,6 +152,7 @@ def check_range(parameter_name, scatter, parameter, values) -> None:
     for limit_name, limit in zip(limit_names, limits, strict=True):
         if math.isfinite(limit):
             parameter.check(limit_name, limit)
+    # The centre has the name under which the user gave it, if there is one.
     centre_name = f"middle of {parameter_name}"
     for key in _OPTIONAL_KEYS:
         if key in scatter:

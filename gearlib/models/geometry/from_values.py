@@ -19,14 +19,15 @@ RACK_FIELDS = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": 
 def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -> SpurGear:
     """Build and return a `SpurGear` from a dict of its fields in SI units.
 
-    Material, web and tip relief are dicts of their fields; `rack` is a letter of ISO 53, and the
-    keys addendum, dedendum and fillet_radius change fields of this rack. A missing module, width,
-    pressure or helix angle, rack or material is taken from `mate_values`, the dict of the mating
-    gear. `default_fields` are the values of other missing fields.
+    Material, web and tip relief are dicts of their fields; `rack` is a letter of ISO 53, "A" to
+    "D", and the keys addendum, dedendum and fillet_radius change fields of this rack. A missing
+    module, width, pressure or helix angle, rack or material is taken from `mate_values`, the dict
+    of the mating gear. `default_fields` are the values of other missing fields.
     """
     fields = dict(values)
     if mate_values is not None:
         common_fields = list(_COMMON_FIELDS)
+        # The rack of the mate is taken only as a whole.
         if not fields.keys() & {"rack", *RACK_FIELDS}:
             common_fields += ["rack", *RACK_FIELDS]
         mate_fields = {name: mate_values[name] for name in common_fields if name in mate_values}
@@ -46,11 +47,11 @@ def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -
 
 
 def stage(values: dict) -> GearStage:
-    """Build and return a `GearStage` from a dict with pinion, wheel, centre_distance and backlash.
+    """Build and return a `GearStage`, two gears in mesh, from a dict.
 
-    `pinion` and `wheel` are dicts as in `gear`; the wheel takes missing common values from the
-    pinion. The lengths `centre_distance` and `backlash`, in m, are optional. Other keys are
-    ignored.
+    Its keys `pinion` and `wheel` are dicts of the fields of the gears; the wheel takes missing
+    common values, such as the module, from the pinion. The lengths `centre_distance` and
+    `backlash`, in m, are optional. Other keys are ignored.
     """
     with checks.below("pinion"):
         pinion = gear(values["pinion"])
@@ -76,7 +77,7 @@ class PlanetaryMeshes(NamedTuple):
 def planetary_meshes(
     sun, planet, ring, *, planets=3, positions=None, centre_distance=None, backlashes=None
 ) -> PlanetaryMeshes:
-    """Return the sun mesh, the ring mesh and the planet angles of a checked planetary set.
+    """Return the two meshes and the planet angles of a planetary set, a `PlanetaryMeshes`.
 
     `sun`, `planet` and `ring` are `SpurGear`; `planets` is the number of planets, and `positions`
     are their angles in rad, by default equally spaced. `centre_distance` of sun and planet and the
@@ -84,7 +85,7 @@ def planetary_meshes(
     Raises ValueError if the gears do not fit together or the planets cannot be assembled.
     """
     sun_backlash, ring_backlash = backlashes or (None, None)
-    internal = getattr(ring, "internal", False)
+    internal = getattr(ring, "internal", False)  # False also if `ring` is no gear
     checks.require(internal, "ring.internal", False, "True, of a ring gear")
     try:
         with checks.below("", owner="the sun mesh", pinion="sun", wheel="planet"):
@@ -115,8 +116,8 @@ def planetary_meshes(
 def equal_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
     """Return the angles in rad of `count` equally spaced planets, the first of which is 0.
 
-    Raises ValueError unless `count` divides the sum of the tooth numbers of sun and ring, because
-    otherwise equally spaced planets cannot be assembled.
+    `sun_teeth` and `ring_teeth` are tooth numbers. Raises ValueError unless `count` divides their
+    sum, because otherwise equally spaced planets cannot be assembled.
     """
     allowed = (
         f"such that (z_s + z_r) / N = ({sun_teeth} + {ring_teeth}) / {count} is an integer, "
@@ -151,11 +152,13 @@ def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
 def _check_planet_spacing(sun_mesh: GearStage, count: int, angles: Sequence[float]) -> None:
     """Raise ValueError if the tip circles of neighbouring planets overlap.
 
-    `count` is the number of planets, and `angles`, in rad, are their positions around the sun.
+    `sun_mesh` is the `GearStage` of sun and planet, `count` is the number of planets, and `angles`,
+    in rad, are their positions around the sun.
     """
     sorted_angles = sorted(angle % math.tau for angle in angles)
     neighbours = pairwise([*sorted_angles, sorted_angles[0] + math.tau])
     spacings = [next_angle - angle for angle, next_angle in neighbours]
+    # The axes of neighbouring planets are a chord of the circle around the sun apart.
     distance = 2.0 * sun_mesh.centre_distance * math.sin(min(*spacings, math.pi) / 2.0)
     tip_diameter = sun_mesh.wheel.tip_diameter
     allowed = (

@@ -49,9 +49,9 @@ def inv(angle: float) -> float:
 
 
 def inverse_involute(involute: float) -> float:
-    """Return the angle in [0, pi / 2) whose involute function is `involute`, a number >= 0.
+    """Return the angle in [0, pi / 2) with a given value of the involute function.
 
-    The involute function is inv(angle) = tan(angle) - angle.
+    `involute` is this value, inv(angle) = tan(angle) - angle, a number >= 0.
     """
     # Newton's method converges from above, because the involute function is convex.
     tangent = involute + math.pi / 2.0
@@ -60,7 +60,7 @@ def inverse_involute(involute: float) -> float:
         step = (tangent - math.atan(tangent) - involute) * (1.0 + tangent**2) / tangent**2
         tangent -= step
         if tangent <= 0.0:
-            return 0.0
+            return 0.0  # Rounding has carried the iterations of a tiny angle past 0.
         if abs(step) <= 1e-15 * tangent:
             break
     return math.atan(tangent)
@@ -128,11 +128,11 @@ Shape = Annotated[Literal["linear", "parabolic"], CHOICE]
 
 
 def gap_of_relief(tip_distance, amount, length, shape: str) -> "np.ndarray":
-    """Return the gap between the flanks that a tip relief leaves, in m.
+    """Return the gap between the flanks that a tip relief, material removed at the tip, leaves, m.
 
     `tip_distance` is the distance from the end of contact at the tip along the path of contact,
     `amount` the gap at the tip and `length` the length of the relief, all in m and of shapes that
-    numpy can broadcast. `shape` is "linear" or "parabolic".
+    numpy can broadcast. `shape` is "linear" or "parabolic", the course of the gap along the length.
     """
     import numpy as np  # Imported here, because the checks of the geometry need no numpy.
 
@@ -156,7 +156,8 @@ class TipRelief:
     def gap(self, tip_distance: "ArrayLike") -> "np.ndarray":
         """Return the gap between the flanks in m at distances from the tip in m.
 
-        Distances are measured along the path of contact, from its end at the tip of this gear.
+        The relief removes material from the flank near the tip. Distances are measured along the
+        path of contact, from its end at the tip of this gear.
         """
         return gap_of_relief(tip_distance, self.amount, self.length, self.shape)
 
@@ -187,7 +188,10 @@ class PathTable:
             raise checks.refusal("position", self.position, "strictly increasing")
 
     def at(self, position: "ArrayLike") -> "np.ndarray":
-        """Return the values at positions on the path of contact, in m, interpolated linearly."""
+        """Return the values at positions on the path of contact in m, interpolated linearly.
+
+        Outside of the table the values are those of its first and last point.
+        """
         import numpy as np
 
         return np.interp(position, self.position, self.value)
@@ -265,7 +269,10 @@ class SpurGear:
     ] = ()
 
     def __post_init__(self) -> None:
-        """Set the rack and the default tip diameter, and check the teeth and the blank."""
+        """Set the rack and the default tip diameter, and check the teeth and the gear blank.
+
+        A rack given by its letter is replaced by this `Rack` of ISO 53.
+        """
         if isinstance(self.rack, str):
             object.__setattr__(self, "rack", RACKS[self.rack])
         self._set_tip_and_check_teeth()
@@ -274,16 +281,18 @@ class SpurGear:
     def _set_tip_and_check_teeth(self) -> None:
         """Set the default tip diameter, and raise ValueError if the teeth are impossible.
 
-        The rack must not have pointed tips and must not undercut the teeth. The tip of the teeth
-        must lie outside of the base circle and must not be pointed. There must be no pitch errors
-        or one for each tooth, and a tip relief must be thinner than half of the tip.
+        The basic rack, the tool that generates the teeth, must not have pointed tips and must not
+        undercut the teeth. The tip of the teeth must lie outside of the base circle and must not be
+        pointed. There must be no pitch errors or one for each tooth, and a tip relief must be
+        thinner than half of the tip.
         """
         rack, root_diameter, base_diameter = self.rack, self.root_diameter, self.base_diameter
         max_dedendum = math.pi / 4.0 / math.tan(self.pressure_angle)
         allowed = f"<= {max_dedendum:.4g} at this pressure angle, where its own tips are pointed"
         checks.require(rack.dedendum <= max_dedendum, "rack.dedendum", rack.dedendum, allowed)
         if not self.internal:
-            # The lowest straight point of the rack must not cut below the start of the involute.
+            # The lowest straight point of the rack must not cut below the base circle, where the
+            # involute starts. This limits the profile shift, which is in modules.
             reference_radius = self.teeth / (2.0 * math.cos(self.helix_angle))  # in modules
             form_height = self.rack_form_height / self.module
             depth = reference_radius * math.sin(self.transverse_pressure_angle) ** 2
@@ -297,6 +306,7 @@ class SpurGear:
             valid = not self.internal or self.tip_diameter > base_diameter
             allowed = "larger, or a tip_diameter be given outside of its base circle"
             checks.require(valid, "teeth", self.teeth, allowed)
+        # The tips of a ring gear point to its axis, inside of the root circle.
         if self.internal:
             min_diameter, max_diameter = base_diameter, root_diameter
             allowed = f"from {min_diameter:.6g} to {max_diameter:.6g} m"
@@ -321,7 +331,8 @@ class SpurGear:
     def _check_blank(self) -> None:
         """Raise ValueError if bore, outer diameter or web do not fit the root circle of the gear.
 
-        A ring gear has no bore and no web, and only a ring gear has an outer diameter.
+        A web is a thin part between rim and hub. A ring gear has no bore and no web, and only a
+        ring gear has an outer diameter.
         """
         root_diameter, internal, web = self.root_diameter, self.internal, self.web
         if internal:
@@ -390,9 +401,13 @@ class SpurGear:
 
     @property
     def fillet_radius(self) -> float:
-        """Tip radius rho_fP of the basic rack in the normal section, at most a full round, m."""
+        """Tip radius of the basic rack in m, which cuts the fillet of the teeth.
+
+        It is the radius rho_fP in the normal section, at most that of a fully rounded tip.
+        """
         angle = self.pressure_angle
-        # The tip radius must fit between both flanks of the rack at its tip line.
+        # The round tip must fit between both flanks of the rack, whose distance at the tip line is
+        # twice `half_width`.
         half_width = (math.pi / 4.0 - self.rack.dedendum * math.tan(angle)) * self.module
         full_round = max(half_width, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
         return min(self.rack.tip_radius * self.module, full_round)
@@ -407,8 +422,9 @@ class SpurGear:
     def form_roll_length(self) -> float:
         """Radius of curvature of the involute where it begins above the fillet, m; >= 0.
 
-        For external gears it is r_b tan(alpha_t) - (h_FfP - x m_n) / sin(alpha_t), ISO 21771. The
-        involute of a ring gear is assumed to reach its root circle.
+        For external gears it is r_b tan(alpha_t) - (h_FfP - x m_n) / sin(alpha_t), ISO 21771, with
+        the height h_FfP of the straight flank of the rack and the profile shift x m_n. The involute
+        of a ring gear is assumed to reach its root circle.
         """
         base_radius = self.base_diameter / 2.0
         if self.internal:
@@ -431,6 +447,7 @@ class SpurGear:
     @checked
     def thickness_at(self, diameter: Length) -> float:
         """Return the transverse tooth thickness on a circle of a diameter >= d_b, m; ISO 21771."""
+        # The pressure angle of the involute on this circle; rounding may give a cosine above 1.
         angle = math.acos(min(self.base_diameter / diameter, 1.0))
         narrowing = inv(self.transverse_pressure_angle) - inv(angle)
         return diameter * (self.tooth_thickness / self.reference_diameter + self.sign * narrowing)
@@ -446,9 +463,10 @@ class SpurGear:
         return self._tolerance(5.5e-4 * self.module + 5e-6)
 
     def _tolerance(self, class_5_tolerance: float) -> float:
-        """Return the tolerance in m for the `quality` of the gear, given the tolerance in class 5.
+        """Return the tolerance in m for the `quality` (tolerance class) of the gear.
 
-        In ISO 1328-1 each tolerance class is coarser than the class before by a factor of sqrt(2).
+        It is the tolerance in class 5 times sqrt(2) for each coarser class, ISO 1328-1. Raises
+        ValueError if the gear has no quality.
         """
         allowed = "an integer from 1 to 11, or the deviations must be given"
         checks.require(self.quality is not None, "quality", None, allowed)
@@ -473,8 +491,9 @@ class SpurGear:
         """Return factor * density * width * (outer^power - inner^power) of the gear as a ring.
 
         Power 2 with factor pi / 4 gives the mass in kg, power 4 with pi / 32 the moment of inertia
-        in kg m^2. `outer` and `inner` are diameters in m. The toothed side has the mean diameter of
-        ISO 6336-1, which replaces the teeth by a full ring. The recess beside a web is subtracted.
+        in kg m^2. `outer` and `inner` are diameters in m. On the toothed side the diameter is the
+        mean of tip and root, which replaces the teeth by a full ring (ISO 6336-1). The recess
+        beside a web is subtracted.
         """
         outer, inner = self.mean_diameter, self.bore
         if self.internal:

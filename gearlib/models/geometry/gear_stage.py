@@ -85,7 +85,10 @@ class GearStage:
     ] = None
 
     def __post_init__(self) -> None:
-        """Check that both gears fit together, and set default centre distance and backlash."""
+        """Check that both gears fit together, and set default centre distance and backlash.
+
+        By default the centre distance leaves no backlash between the nominal teeth.
+        """
         self._check_gears()
         base_diameter_sum = self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)
         min_distance = abs(base_diameter_sum) / 2.0
@@ -102,7 +105,11 @@ class GearStage:
         self._set_backlash()
 
     def _check_relief_lengths(self) -> None:
-        """Raise ValueError if a tip relief is longer than `longest_relief`."""
+        """Raise ValueError if a tip relief is longer than `longest_relief`.
+
+        That length leaves an involute, without relief, wherever a single pair of teeth is in
+        contact.
+        """
         reason = "half of the path of contact"
         if self.contact_ratio >= 1.0:
             reason = "(eps_alpha - 1) p_bt, or single contact has no involute"
@@ -115,14 +122,14 @@ class GearStage:
                 checks.require(length <= max_length, f"{name}.tip_relief.length", length, allowed)
 
     def _signed_sum(self, pinion_value: float, wheel_value: float) -> float:
-        """Return the sum of the values of both gears, or their difference if one is internal."""
+        """Return the sum of the values of both gears, or pinion minus wheel for a ring gear."""
         return pinion_value + self.wheel.sign * wheel_value
 
     def _check_gears(self) -> None:
         """Raise ValueError unless the gears agree in module and angles and can form a stage.
 
         Helix angles of an external mesh may also have opposite signs. The pinion must be external,
-        and an internal wheel must have more teeth than the pinion.
+        and an internal wheel, a ring gear, must have more teeth than the pinion.
         """
         pinion, wheel = self.pinion, self.wheel
         allowed = "False; the ring gear is the wheel"
@@ -144,8 +151,9 @@ class GearStage:
     def _check_contact_ratio(self) -> None:
         """Raise ValueError unless a pair of teeth is always in contact somewhere on the face.
 
-        Spur gears need a transverse contact ratio of at least 1; helical gears need only a total
-        contact ratio above 1, because the slices of their faces mesh one after another.
+        Spur gears need a transverse contact ratio of at least 1. Helical gears, with an overlap
+        ratio > 0, need only a total contact ratio above 1, because the slices of their faces mesh
+        one after another.
         """
         if self.contact_ratio >= 1.0:
             return
@@ -162,7 +170,9 @@ class GearStage:
     def _nominal_angle(self) -> float:
         """Return the working pressure angle alpha_wt at which there is no backlash, rad.
 
-        inv(alpha_wt) = inv(alpha_t) + 2 tan(alpha_n) (x_1 + x_2) / (z_1 + z_2), ISO 21771.
+        inv(alpha_wt) = inv(alpha_t) + 2 tan(alpha_n) (x_1 + x_2) / (z_1 + z_2), ISO 21771, with the
+        involute function inv, the profile shifts x and the tooth numbers z. Tooth numbers of a ring
+        gear are negative.
         """
         tooth_sum = self._signed_sum(self.pinion.teeth, self.wheel.teeth)
         shift_sum = self.pinion.shift + self.wheel.shift
@@ -173,7 +183,11 @@ class GearStage:
         return inverse_involute(involute)
 
     def _check_interference(self) -> None:
-        """Raise ValueError if a tip would touch the fillet, the root or a tip of the other gear."""
+        """Raise ValueError if a tip would touch the fillet, the root or a tip of the other gear.
+
+        The tips of both gears are checked in turn. Tips can strike each other only in an internal
+        mesh.
+        """
         pinion, wheel, (start, end) = self.pinion, self.wheel, self.path
         # Contact starts or ends at the tip of a gear. There the flank of its mate has the radius of
         # curvature in the last column.
@@ -210,7 +224,10 @@ class GearStage:
             )
 
     def _clearance(self, gear: SpurGear, mate: SpurGear) -> float:
-        """Return the bottom clearance between the tip of a gear and the root of its mate, m."""
+        """Return the bottom clearance between the tip of a gear and the root of its mate, m.
+
+        In an internal mesh it is measured between the ring gear and the pinion inside of it.
+        """
         if not self.wheel.internal:
             return self.centre_distance - (gear.tip_diameter + mate.root_diameter) / 2.0
         if gear.internal:
@@ -242,6 +259,8 @@ class GearStage:
         ring_crossing = math.acos((a**2 + ring_tip**2 - pinion_tip**2) / (2.0 * a * ring_tip))
         gears = self.pinion, self.wheel
         tip_angles = [math.acos(gear.base_diameter / gear.tip_diameter) for gear in gears]
+        # The pinion rotates by this angle from contact at the pitch point until its tip reaches the
+        # crossing of the tip circles; the ring gear rotates less by the ratio of tooth numbers.
         pinion_rotation = math.acos(cosine) + inv(tip_angles[0]) - inv(angle)
         ring_rotation = pinion_rotation * (self.pinion.teeth / self.wheel.teeth)
         return ring_rotation + inv(angle) - inv(tip_angles[1]) >= ring_crossing
@@ -249,8 +268,8 @@ class GearStage:
     def _set_backlash(self) -> None:
         """Check a given backlash, or set the backlash that the geometry of the gears leaves.
 
-        A backlash of 0 up to rounding becomes the recommended one, unless a tooth thickness
-        allowance is given.
+        A backlash of 0 up to rounding becomes the one that ISO/TR 10064-2 recommends, unless a
+        tooth thickness allowance is given.
         """
         if self.backlash is not None:
             allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
@@ -323,7 +342,8 @@ class GearStage:
     def longest_relief(self) -> float:
         """Length of the longest possible tip relief, m.
 
-        It is (eps_alpha - 1) p_bt, or half of the path of contact if eps_alpha is below 1.
+        It is (eps_alpha - 1) p_bt with the contact ratio eps_alpha and the base pitch p_bt, or half
+        of the path of contact if eps_alpha is below 1.
         """
         ratio = self.contact_ratio
         return (ratio - 1.0 if ratio >= 1.0 else ratio / 2.0) * self.base_pitch
@@ -343,7 +363,8 @@ class GearStage:
         """Return the mesh phase in [0, 2 pi) at which a pair of teeth touches at a position.
 
         `position` is a point of the path of contact, in m, in the middle of the face of helical
-        gears.
+        gears. The mesh phase is 0 in the middle of the segment with the most pairs in contact,
+        whose length in base pitches is the fractional part of the contact ratio.
         """
         fraction = self.contact_ratio - math.floor(self.contact_ratio)
         pitches = (position - self.path[0]) / self.base_pitch
@@ -358,16 +379,22 @@ class GearStage:
     def pitch_errors(self) -> tuple[float, ...]:
         """Pitch errors of successive pairs of teeth until the same teeth meet again, m.
 
-        The pitch error of a pair is the sum of the errors of its two teeth.
+        The pitch error of a pair is the sum of the errors of its two teeth. It is (0,) if the gears
+        have no pitch errors.
         """
         pinion_errors = self.pinion.pitch_errors or (0.0,)
         wheel_errors = self.wheel.pitch_errors or (0.0,)
+        # Tooth i of the pinion meets tooth i of the wheel, modulo the numbers of errors.
         m, n = len(pinion_errors), len(wheel_errors)
         return tuple(pinion_errors[i % m] + wheel_errors[i % n] for i in range(math.lcm(m, n)))
 
     @property
     def tooth_stiffness(self) -> str:
-        """Default method of the tooth stiffness: "energy", or "iso" if a bore is too large."""
+        """Default method of the tooth stiffness: "energy", or "iso" if a bore is too large.
+
+        The energy method knows the compliance of gear bodies only up to this size of the bore;
+        "iso" is the stiffness of ISO 6336.
+        """
         for gear in (self.pinion, self.wheel):
             if gear.bore > gear.root_diameter / MIN_ROOT_RATIO:
                 return "iso"
@@ -410,8 +437,9 @@ class GearStage:
         return math.pi * self.pinion.reference_diameter * rpm / 60.0
 
     def stiffness(self, method: Any = "iso", **options: Any) -> "MeshStiffness":
-        """Return the mesh stiffness by a method: "iso", "energy" or a `Tabulated`.
+        """Return the mesh stiffness as a `MeshStiffness`, by a method.
 
+        `method` is "iso" for ISO 6336, "energy" for the energy method or a `Tabulated` stiffness.
         `options` are passed to `gearlib.geometry.mesh_stiffness`, such as the torque in N m.
         """
         # Imported here, because the checks of the geometry need no numpy.
@@ -485,8 +513,10 @@ class GearStage:
     ) -> dict[str, float | None]:
         """Return the parameters of a `GearPair` with these gears as a dict, in SI units.
 
-        The load is the torque of the pinion in N m, or the power in W at the speed in rpm.
-        `options` are the arguments of `GearPair.from_geometry` for damping and stiffness.
+        The load is given by the torque of the pinion in N m, or by the power in W at the speed in
+        rpm. `options` are the arguments of `GearPair.from_geometry` for damping and stiffness, such
+        as damping_ratio. Raises ValueError if the load deflects the teeth too far or the speed is
+        out of range.
         """
         load_argument = ("torque", torque, "N m") if power is None else ("power", power, "W")
         torque = torque_of(torque, power, speed)
@@ -592,6 +622,7 @@ class GearStage:
         if isinstance(stiffness, str) and stiffness == "iso":
             max_stiffness, kappa, epsilon = iso_rectangle(self, torque=torque, **options)
         else:
+            # A rectangular stiffness over the mesh period stands for the stiffness of the method.
             rectangle = self.stiffness(stiffness, torque=torque, **options).ratios()
             max_stiffness, kappa, epsilon = rectangle.values()
         mean_stiffness = max_stiffness * mean_over_max(epsilon, kappa)
@@ -600,6 +631,7 @@ class GearStage:
             "logarithmic_decrement": logarithmic_decrement,
             "material_damping": material_damping,
         }
+        # Only the arguments that are given.
         dampings = {name: value for name, value in dampings.items() if value is not None}
         if len(dampings) > 1:
             name, *other_names = dampings
@@ -624,12 +656,13 @@ class GearStage:
 
         `torque` is the pinion torque in N m, and `parameters` is a dict with the max_stiffness,
         stiffness_ratio and contact_ratio of the mesh. `name`, `value` and `unit` describe the
-        argument that sets the load, for the error message.
+        argument that sets the load, such as the power in W, for the error message.
         """
         contact_ratio, stiffness_ratio = parameters["contact_ratio"], parameters["stiffness_ratio"]
         stiffness_quotient = mean_over_max(contact_ratio, stiffness_ratio)
         mean_stiffness = parameters["max_stiffness"] * stiffness_quotient
         deflection = abs(self.load(torque)) / mean_stiffness
+        # The deflection over the largest allowed one.
         deflection_ratio = deflection / (MAX_DEFLECTION * self.pinion.module)
         allowed = f"at most {abs(value) / (deflection_ratio or 1.0):.4g} {unit}"
         allowed += f", at which the static deflection is {MAX_DEFLECTION:g} modules"
@@ -640,8 +673,8 @@ class GearStage:
 def six_degree_parameters(stage: GearStage) -> dict[str, Any]:
     """Return the parameters of a `SixDegreePair` that follow from a gear stage, in SI units.
 
-    They are base radii, moments of inertia, masses, teeth and the pitch phase in rad; each list has
-    a value for (pinion, wheel).
+    They are base radii, moments of inertia, masses, tooth numbers and the pitch phase, the mesh
+    phase in rad of contact at the pitch point; each list has a value for (pinion, wheel).
     """
     gears = stage.pinion, stage.wheel
     return {
@@ -656,8 +689,8 @@ def six_degree_parameters(stage: GearStage) -> dict[str, Any]:
 def checked_damping(name: str, value: float, stiffness: float, mass: float) -> float:
     """Return the damping coefficient in N s/m that a damping parameter gives an oscillator.
 
-    `name` says what `value` is: "material_damping" and "backlash_damping" are coefficients in
-    N s/m, "logarithmic_decrement" is a logarithmic decrement, and any other name means a damping
+    `name` says what `value` is: "material_damping" and "backlash_damping" are coefficients in N
+    s/m, "logarithmic_decrement" is a logarithmic decrement, and any other name means a damping
     ratio. The oscillator has a `stiffness` in N/m and a `mass` in kg. Raises ValueError unless the
     damping ratio is >= 0 and below 1.
     """
@@ -680,7 +713,10 @@ def damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> 
 
 @checked
 def torque_of(torque: DrivingTorque | None, power: Power | None, speed: Speed | None) -> float:
-    """Return the torque of the pinion, N m, given directly or by power in W and speed in rpm."""
+    """Return the torque of the pinion in N m, given directly or by power in W and speed in rpm.
+
+    Raises ValueError unless exactly one of torque and power is given, the power with the speed.
+    """
     if torque is not None and power is not None:
         problem = "and power are not allowed together: it must be one of them"
         raise checks.InputError("torque", problem=problem)

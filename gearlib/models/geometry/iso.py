@@ -82,7 +82,7 @@ def iso_stiffness(
     ValueError
         If a value is impossible, or the transverse contact ratio is below 1.
     """
-    ratio = checks.gear_stage(stage).contact_ratio
+    ratio = checks.gear_stage(stage).contact_ratio  # of the transverse section
     allowed = ">= 1 for the mesh stiffness of ISO 6336-1; the energy method has no limit"
     checks.require(ratio >= 1.0, "contact_ratio", float(f"{ratio:.4f}"), allowed)
     return _iso_stiffness(stage, torque, application_factor)
@@ -93,8 +93,9 @@ def _iso_stiffness(
 ) -> IsoStiffness:
     """Return the mesh stiffness after ISO 6336-1 without checking the contact ratio.
 
-    `torque` is the pinion torque in N m or None, and `application_factor` is K_A. For a contact
-    ratio below 1 the `mean` of the result makes no sense, but its other fields hold.
+    `torque` is the pinion torque in N m, or None for a high load, at which the stiffness does not
+    depend on it. `application_factor` is K_A, a factor on the load. For a contact ratio below 1 the
+    `mean` of the result makes no sense, but its other fields hold.
     """
     gears = (stage.pinion, stage.wheel)
     if not stage.wheel.internal:
@@ -103,7 +104,8 @@ def _iso_stiffness(
     z1, z2 = virtual_teeth
     x1, x2 = (gear.shift for gear in gears)
     terms = (1.0, 1.0 / z1, 1.0 / z2, x1, x1 / z1, x2, x2 / z2, x1**2, x2**2)
-    # The flexibility q' is a polynomial in 1 / z_n and x of both gears.
+    # The flexibility q' is a polynomial in 1 / z_n and x, with the virtual tooth numbers z_n and
+    # the profile shifts x of both gears.
     flexibility = sum(factor * term for factor, term in zip(_FLEXIBILITY, terms, strict=True))
     theoretical = 1.0 / flexibility
     angle_factor = 1.0 - 0.02 * (20.0 - math.degrees(stage.pinion.pressure_angle))
@@ -125,7 +127,8 @@ def _iso_stiffness(
 def pair_stiffness(stage: "GearStage", **options: float | None) -> float:
     """Return the stiffness of one pair of teeth over the face width after ISO 6336-1, N/m.
 
-    `options` are the `torque` in N m and the `application_factor`, see `iso_stiffness`.
+    `options` are the pinion `torque` in N m and the `application_factor` K_A, a factor on the load.
+    They matter only at low loads, at which the stiffness falls with the load.
     """
     # N/(mm um) is 1e9 N/m per m of face width.
     return _iso_stiffness(stage, **options).single * 1e9 * stage.width
@@ -138,9 +141,10 @@ def iso_rectangle(stage: "GearStage", **options: float | None) -> tuple[float, f
     and epsilon - 1 the fraction of the mesh period with the stiffness C_max. The first pair of
     teeth has the stiffness c', each further pair 0.75 c'. For helical gears the stiffness is
     averaged over the face, and the rectangle has the extrema and the mean of this average.
-    `options` are the `torque` in N m and the `application_factor`, see `iso_stiffness`.
+    `options` are the pinion `torque` in N m and the `application_factor` K_A of the load.
     """
     checks.check_known_parameters("stiffness 'iso'", options, ("torque", "application_factor"))
+    # N/(mm um) is 1e9 N/m per m of face width.
     single = iso_stiffness(stage, **options).single * 1e9 * stage.width
     fewer_pairs = math.floor(stage.contact_ratio)
     segment = stage.contact_ratio - fewer_pairs  # fraction of the period with one more pair
@@ -165,8 +169,8 @@ def _blank_factor(gear: "SpurGear") -> float:
     """Return the gear blank factor C_R of ISO 6336-1 for a gear with a web, 1 for a solid disc.
 
     C_R = 1 + ln(b_s / b) / (5 exp(s_R / (5 m_n))) with the thicknesses b_s of the web and s_R of
-    the rim, the face width b and the normal module m_n. Smaller ratios than b_s / b = 0.2 and
-    s_R / m_n = 1 count as these.
+    the rim, the face width b and the normal module m_n. The ratio b_s / b counts as at least 0.2,
+    and s_R / m_n as at least 1.
     """
     if gear.web is None:
         return 1.0
@@ -279,7 +283,9 @@ def dynamic_factor(
 def _coefficients(contact_ratio: float) -> tuple[float, ...]:
     """Return the coefficients C_v1 ... C_v7 of the dynamic factor for a total contact ratio.
 
-    They weight the effects of pitch, profile form and tip relief in ISO 6336-1, method B.
+    They weight the effects of pitch deviation, profile form and tip relief in ISO 6336-1, method B:
+    C_v1, C_v2, C_v3 below resonance, C_v1, C_v2, C_v4 at resonance. Above it, C_v5 and C_v6 weight
+    pitch deviation and profile form, and C_v7 is added.
     """
     c_v7 = 1.0
     if contact_ratio <= 2.5:

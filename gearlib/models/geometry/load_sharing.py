@@ -90,8 +90,9 @@ class ToothPairs:
     def force_coefficients(self, pair_indices, phase_indices=slice(None)):
         """Return the coefficients (stiffness, offset) of the forces if only these pairs touch.
 
-        Both have the shape (m, p) for p pairs, given by their indices, at m phases, by default all
-        phases. The forces at a displacement x in m are stiffness * x - offset, in N.
+        `pair_indices` are the indices of p pairs of teeth, and `phase_indices` those of m phases,
+        by default all phases. Both coefficients have the shape (m, p). The forces at a displacement
+        x in m are stiffness * x - offset, in N.
         """
         compliance = self.compliance[phase_indices][:, pair_indices][:, :, pair_indices]
         inverse = np.linalg.inv(compliance)
@@ -99,7 +100,10 @@ class ToothPairs:
         return inverse.sum(-1), (inverse @ gap)[..., 0]
 
     def forces_under_loads(self, loads: ArrayLike) -> LoadSharing:
-        """Return the equilibrium of all pairs at each phase under n loads >= 0 in N, shape (n,)."""
+        """Return the `LoadSharing`, equilibrium of all pairs of teeth at each phase, under n loads.
+
+        The `loads`, shape (n,), are in N and >= 0.
+        """
         loads = np.asarray(loads, float)[:, None]
 
         def displacements(_, stiffness, offset):
@@ -109,9 +113,10 @@ class ToothPairs:
         return self._solve_contact(displacements, load_count=len(loads), min_touching_pairs=1)
 
     def forces_at_displacement(self, displacement: np.ndarray) -> LoadSharing:
-        """Return the forces at a given displacement in m for each phase, shape (m,).
+        """Return the forces of all pairs of teeth at a given displacement, as a `LoadSharing`.
 
-        The axis of the loads in the result has the length 1.
+        `displacement`, shape (m,), is in m, one value for each phase. The axis of the loads in the
+        result has the length 1.
         """
 
         def displacements(phase_indices, *_):
@@ -131,7 +136,7 @@ class ToothPairs:
         displacement, min_violation = np.zeros((load_count, m)), np.full((load_count, m), math.inf)
         force, stiffness = np.zeros((load_count, m, k)), np.zeros((load_count, m, k))
         touching = np.zeros((load_count, m, k), bool)
-        diagonal = np.einsum("mii->mi", self.compliance)
+        diagonal = np.einsum("mii->mi", self.compliance)  # compliance of each pair by itself
         sets_of_pairs = []
         for pair_count in range(min_touching_pairs, k + 1):
             sets_of_pairs += [list(pairs) for pairs in itertools.combinations(range(k), pair_count)]
@@ -149,6 +154,7 @@ class ToothPairs:
             violation = violation - _deflections(self.compliance[indices], forces)
             violation[..., pairs] = -(diagonal[indices] * forces)[..., pairs]
             max_violation = np.where(self.can_touch[indices], violation, -math.inf).max(-1)
+            # Keep the results of this set where it violates the conditions less than those before.
             better = max_violation < min_violation[:, indices]
             load_indices, columns = np.nonzero(better)
             improved = load_indices, indices[columns]
@@ -165,7 +171,7 @@ class ToothPairs:
         """Return the overlap that the flanks of each pair would have without its force, (n, m, k).
 
         It is in m: positive for touching pairs, and minus the distance of the flanks for others.
-        `equilibrium` is the equilibrium of these pairs under n loads.
+        `equilibrium` is the `LoadSharing` of these k pairs under n loads at m phases.
         """
         force, touching = equilibrium.force, equilibrium.touching
         diagonal = np.einsum("mii->mi", self.compliance)
@@ -182,10 +188,11 @@ def _deflections(compliance: np.ndarray, forces: np.ndarray) -> np.ndarray:
 
 
 def tooth_pairs(stage, phases, *, pitch_errors=None, **options) -> ToothPairs:
-    """Return the pairs of teeth in mesh at equally spaced phases, starting at mesh phase 0.
+    """Return the pairs of teeth in mesh, as `ToothPairs`, at equally spaced phases.
 
-    `phases` is the number of phases in each mesh period. There are as many mesh periods as
-    `pitch_errors`, in m, by default the errors of the stage. `options` are passed to `pairs_at`.
+    The first is mesh phase 0, and `phases` is the number of phases in each mesh period. There are
+    as many mesh periods as `pitch_errors`, in m, by default the errors of the stage. `options` are
+    those of `pairs_at`, such as the stiffness method.
     """
     # The mesh phase is 0 in the middle of the segment with the most pairs.
     start = (stage.contact_ratio - math.floor(stage.contact_ratio)) / 2.0
@@ -292,13 +299,14 @@ class FaceSlices(NamedTuple):
 
 
 def face_slices(stage: "GearStage", periods: int, intervals: int | None = None) -> FaceSlices:
-    """Divide the face of a gear stage into slices, and return them; a spur gear has one slice.
+    """Divide the face of a gear stage into transverse slices, and return them as `FaceSlices`.
 
-    `periods` is the number of mesh periods to be computed. If there are many, slices are wider, so
-    that the number of slices at all phases stays near `_MAX_SLICES_AT_PHASES`. `intervals` is the
-    number of phases per base pitch; if it is given, slices are not made wider.
+    A spur gear has one slice. `periods` is the number of mesh periods to be computed. If there are
+    many, slices are wider, so that the number of slices at all phases stays near
+    `_MAX_SLICES_AT_PHASES`. `intervals` is the number of phases per base pitch; if it is given,
+    slices are not made wider.
     """
-    overlap = stage.overlap_ratio
+    overlap = stage.overlap_ratio  # base pitches by which the ends of the face mesh apart
     if overlap == 0.0:
         return FaceSlices(np.ones(1), np.zeros(1), intervals_per_pitch=0, half_overlap=0.0)
     coarsening = 1.0
@@ -311,6 +319,7 @@ def face_slices(stage: "GearStage", periods: int, intervals: int | None = None) 
     slices_per_pitch = intervals * max(1, round(MIN_SLICES / coarsening / overlap / intervals))
     count = math.ceil(overlap * slices_per_pitch)
     width_fractions = np.full(count, 1.0 / (overlap * slices_per_pitch))
+    # The outer slices share the rest of the face width.
     width_fractions[[0, -1]] = (1.0 - width_fractions[1:-1].sum()) / 2.0
     delays = (np.arange(count) - (count - 1) / 2.0) / slices_per_pitch
     half_overlap = (overlap + 1.0 / intervals) / 2.0
@@ -323,12 +332,13 @@ def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
     The face is divided into n slices, whose widths over the face width are `width_fractions`, (n,).
     There are k pairs of teeth in all slices at m phases, with `compliance` matrices, (m n, k, k),
     gaps in m, (m n, k), and `can_touch`, bool, (m n, k); `load` is in N. In each step of Newton's
-    method a pair in a slice begins or ceases to touch if its overlap or its force has the wrong
-    sign.
+    method a pair in a slice begins to touch if its flanks overlap, or ceases to touch if its force
+    is negative.
     """
     pair_count, slice_count, touching = gap.shape[1], len(width_fractions), can_touch
 
     def face_average(values):
+        """Return the average of values (m n, k) over the n slices of the face, shape (m, k)."""
         return width_fractions @ values.reshape(-1, slice_count, pair_count)
 
     diagonal = np.einsum("mii->mi", compliance)
@@ -336,6 +346,7 @@ def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
     x = np.full(len(gap) // slice_count, load * compliance.max() + gap[can_touch].max())
     for _ in range(_MAX_NEWTON_STEPS):
         approach = np.repeat(x, slice_count)[:, None] - gap
+        # Invert the compliances of the touching pairs only.
         both_touch = touching[:, :, None] & touching[:, None, :]
         inverse = np.linalg.inv(np.where(both_touch, compliance, np.eye(pair_count))) * both_touch
         slice_forces = _deflections(inverse, approach)
@@ -348,19 +359,20 @@ def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
         if max(np.abs(step).max(), violation.max()) <= _NEWTON_TOLERANCE * scale:
             return forces, stiffnesses, x
         x = x - step
-        touching = touching ^ (violation > 0.0)
+        touching = touching ^ (violation > 0.0)  # Pairs that violate a condition change.
     raise RuntimeError(f"the forces of a helical mesh do not converge in {_MAX_NEWTON_STEPS} steps")
 
 
 def corner_contact_lengths(stage, corner_contact, load, pitch_errors) -> tuple[float, ...]:
-    """Return the lengths of corner contact before and after the path of contact in base pitches.
+    """Return the lengths of corner contact before and behind the path of contact, base pitches.
 
-    Tip corners can touch where their gap is below `MAX_CORNER_GAP` deflections of one pair under
-    the load in N, plus the range of the pitch errors in m. Both lengths are 0 if `corner_contact`
-    is False.
+    Tip corners of teeth can touch where their gap is below `MAX_CORNER_GAP` deflections of one pair
+    under the `load` in N, plus the range of the `pitch_errors` in m. Both lengths are 0 if
+    `corner_contact` is False.
     """
     if not corner_contact:
         return 0.0, 0.0
+    # Pitch errors add their range to the gap at which a corner may still touch.
     max_gap = MAX_CORNER_GAP * load / pair_stiffness(stage) + np.ptp(pitch_errors)
     pitches = np.linspace(0.0, _MAX_CORNER_DISTANCE, _CORNER_SAMPLES)
     start, end = stage.path
@@ -417,14 +429,21 @@ def _gap_to_corner(stage: "GearStage", flank_name: str, position: np.ndarray) ->
 
 
 def checked_errors(stage: "GearStage", pitch_errors: ArrayLike | None = None) -> np.ndarray:
-    """Return the checked pitch errors in m, shape (n,); None means the errors of the stage."""
+    """Return the checked pitch errors in m, shape (n,), by default those of the stage.
+
+    They are the gaps of n successive pairs of teeth, which repeat.
+    """
     if pitch_errors is None:
         return np.array(stage.pitch_errors)
     return np.array(check("pitch_errors", pitch_errors, Numbers))
 
 
 def relief_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
-    """Return the gap in m due to the tip reliefs of both gears at positions on the path in m."""
+    """Return the gap in m that the tip reliefs of both gears leave between the flanks.
+
+    `position` is on the path of contact in m. The relief of the pinion acts at the end of the path,
+    the relief of the wheel at its start.
+    """
     start, end = stage.path
     gap = np.zeros(np.shape(position))
     for gear, tip_distance in ((stage.pinion, end - position), (stage.wheel, position - start)):
@@ -439,10 +458,11 @@ def _compliance(
 ) -> np.ndarray:
     """Return the compliance matrices of k pairs of teeth at m phases, shape (m, k, k), m/N.
 
-    `position`, (m, k), is on the path of contact in m; `stiffness` is "iso", "energy" or a
-    `PathTable` in N/m. `coupling` and `twist` are options of `energy_stiffness`. For "iso",
-    `coupling` is the fraction of the body compliance that all pairs have in common, 1 by default,
-    and `pair_count`, int or (m,), is the number of pairs that load a body.
+    `position`, (m, k), is on the path of contact in m; `stiffness` is "iso" (ISO 6336), "energy"
+    (energy method) or a `PathTable` in N/m. For "energy", `twist` says whether gear bodies twist
+    about their bores. `coupling` is the fraction of the body compliance that all pairs have in
+    common, for "iso" 1 by default; `pair_count`, int or (m,), is the number of pairs that load a
+    body.
     """
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):

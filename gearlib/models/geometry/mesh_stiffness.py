@@ -122,8 +122,8 @@ class Tooth:
         """Return x, y in m and the angle b of the force in rad at points of the flank.
 
         `phi` gives the points by the radius of curvature of the involute over the base radius. The
-        y axis is the centre line of the tooth and starts at the axis of the gear; b is the angle
-        between the force and the normal of the centre line.
+        y axis is the centre line of the tooth and starts at the axis of the gear; x is half of the
+        tooth thickness. The angle b lies between the force and the normal of the centre line.
         """
         b = phi - self.sign * self.base_half_angle
         x = self.sign * self.base_radius * (phi * np.cos(b) - np.sin(b))
@@ -147,7 +147,7 @@ class Tooth:
         normal_side = normal_side + datum_depth * math.tan(angle) + tip_radius / math.cos(angle)
         side = (normal_side + gear.thickness_allowance / 2.0) / helix_cosine
         sine, cosine = np.sin(gamma), np.cos(gamma)
-        norm = np.hypot(cosine / helix_cosine, sine)
+        norm = np.hypot(cosine / helix_cosine, sine)  # 1 for spur gears
         # The distance from the contact to the pitch point along the normal.
         distance = (depth + tip_radius * sine / norm) / sine
         curvature_radius = tip_radius / (helix_cosine**2 * norm**3)
@@ -155,6 +155,7 @@ class Tooth:
         rotation = (contact + side) / rolling_radius
         x = rolling_radius * np.sin(rotation) - distance * np.cos(gamma - rotation)
         y = rolling_radius * np.cos(rotation) - distance * np.sin(gamma - rotation)
+        # The slopes are derivatives by gamma.
         rotation_slope = (curvature_radius - distance) / (rolling_radius * sine)
         distance_slope = (curvature_radius - distance) * cosine / sine
         y_slope = -rolling_radius * np.sin(rotation) * rotation_slope
@@ -173,6 +174,7 @@ class Tooth:
         """
         phi = np.asarray(phi, float)
         force_x, force_y, b = (coordinate[..., None] for coordinate in self.flank(phi))
+        # Gauss-Legendre points of the flank between its start and the force.
         half_range = (phi - self.form_phi)[..., None] / 2.0
         flank_phi = self.form_phi + half_range * (1.0 + _NODES)
         x, y, angle = self.flank(flank_phi)
@@ -227,24 +229,27 @@ class Tooth:
 
     @property
     def _twist_compliance(self) -> float:
-        """Twist of the body about its bore by a unit force on a tooth.
+        """Twist of the gear body about its bore by a unit force on a tooth, dimensionless.
 
-        It is dimensionless: the arc length on the base circle times the modulus of elasticity E and
-        the face width, over the force.
+        It is the arc length on the base circle times the modulus of elasticity E and the face
+        width, over the force.
         """
+        # A disc between bore and root circle with a torque, in plane stress.
         squares = 1.0 / self._bore_radius**2 - 1.0 / self.root_radius**2
         return (1.0 + self.gear.material.poisson) / math.tau * self.base_radius**2 * squares
 
     def shared_compliance(self, distance: int) -> float:
         """Return the deflection of one tooth's contact point by a unit force on another, m/N.
 
-        The other tooth is `distance` teeth away. The formula is fitted to finite elements for bores
-        from a fifth of the root diameter; without a bore it is inferred, not fitted. The rim of a
-        ring gear is assumed to be rigid.
+        Both teeth share the gear body. The other tooth is `distance` teeth away. The formula is
+        fitted to finite elements for bores from a fifth of the root diameter; without a bore it is
+        inferred, not fitted. The rim of a ring gear is assumed to be rigid, so that the result is
+        0.
         """
         if self._fillet is None:
             return 0.0
         if not self.gear.bore:
+            # The logarithm is the deflection of a half plane.
             compliance = _SHARED_WITHOUT_BORE - 2.0 / math.pi * math.log(distance)
         else:
             root_pitch = math.tau * self.root_radius / self.gear.teeth
@@ -267,10 +272,11 @@ class PairCompliance:
     """
 
     def __init__(self, stage: "GearStage", hertz: str = "constant", twist: Any = True) -> None:
-        """Prepare a tooth of both gears of a stage, and check the bores of the gears.
+        """Prepare a `Tooth` of both gears of a stage, and check the bores of the gears.
 
-        `hertz` is "constant" or "logarithmic" in the load. `twist`, a bool or one for each of
-        (pinion, wheel), is whether gear bodies twist about their bores.
+        `hertz` is the dependence of the Hertz contact compliance on the load, "constant" or
+        "logarithmic". `twist`, a bool or one for each of (pinion, wheel), is whether gear bodies
+        twist about their bores.
         """
         self.stage, self.hertz = stage, hertz
         twists = tuple(twist) if isinstance(twist, (tuple, list)) else (twist, twist)
@@ -286,26 +292,29 @@ class PairCompliance:
     def teeth_with_phi(self, position: np.ndarray) -> list[tuple[Tooth, np.ndarray]]:
         """Return (tooth, phi) of pinion and wheel at positions on the path of contact in m.
 
-        Phi is the radius of curvature of the flank at the contact point over the base radius.
+        `tooth` is the `Tooth` of the gear, and phi is the radius of curvature of its flank at the
+        contact point over the base radius.
         """
         curvature_radii = (position, self.stage.wheel_roll_length(position))
         teeth_with_radii = zip(self._teeth, curvature_radii, strict=True)
         return [(tooth, radius / tooth.base_radius) for tooth, radius in teeth_with_radii]
 
     def body_compliances(self, position: np.ndarray) -> np.ndarray:
-        """Return the compliances of both gear bodies, m/N, with the shape (2, ...).
+        """Return the compliances of both gear bodies in m/N, with the shape (2, ...).
 
-        `position`, shape (...), are positions of the force on the path of contact in m.
+        The first axis is pinion and wheel. `position`, shape (...), are positions of the force on
+        the path of contact in m.
         """
         return np.array(
             [tooth.body_compliance(phi) for tooth, phi in self.teeth_with_phi(position)]
         )
 
     def shared_compliances(self, count: int) -> np.ndarray:
-        """Return the compliances shared by pairs that are 1, 2, ... `count` - 1 pitches apart, m/N.
+        """Return the compliances that pairs 1, 2, ... `count` - 1 base pitches apart share, m/N.
 
-        They are sums over both gears. The shared compliance of a gear is at most the smallest
-        compliance of its body on the path of contact.
+        Pairs of teeth share both gear bodies: a force on one pair deflects the other. The
+        compliances are sums over both gears. That of a gear is at most the smallest compliance of
+        its body on the path of contact.
         """
         positions = np.linspace(*self.stage.path, _BODY_POSITIONS)
         max_compliances = self.body_compliances(positions).min(axis=1)
@@ -317,8 +326,9 @@ class PairCompliance:
     def contact_compliance(self, position: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Return the secant compliance of the Hertz contact, deflection over force, m/N.
 
-        `position` on the path of contact in m and `force` in N have the same shape. The constant
-        compliance does not depend on them.
+        `position` on the path of contact in m and `force` in N have the same shape. If `self.hertz`
+        is "constant", the compliance does not depend on them; otherwise it is logarithmic in the
+        force.
         """
         width = self.stage.width
         materials = [tooth.gear.material for tooth in self._teeth]
@@ -344,10 +354,10 @@ class PairCompliance:
 def compliance_matrix(pair, positions, forces, coupling=None) -> np.ndarray:
     """Return the compliance matrices Q of k pairs of teeth at n phases, (n, k, k), m/N.
 
-    `pair` is a `PairCompliance`. `positions` on the path of contact in m and `forces` in N have
-    the shape (n, k). By default two pairs share `PairCompliance.shared_compliances`. With a
-    `coupling` from 0 to 1 they share coupling sqrt(f_i f_j), where f_i is the body compliance of a
-    gear under pair i.
+    `pair` is a `PairCompliance`, which gives the compliances of teeth, contact and gear bodies.
+    `positions` on the path of contact in m and `forces` in N have the shape (n, k). Off the
+    diagonal is what two pairs share: by default a fit to finite elements, or, with a `coupling`
+    from 0 to 1, coupling sqrt(f_i f_j), where f_i is the body compliance of a gear under pair i.
     """
     (pinion_tooth, pinion_phi), (wheel_tooth, wheel_phi) = pair.teeth_with_phi(positions)
     pair_compliance = pinion_tooth.compliance(pinion_phi) + wheel_tooth.compliance(wheel_phi)
@@ -382,16 +392,19 @@ def energy_stiffness(
     """Return the mesh stiffness of `count` pairs of teeth by the energy method, N/m, shape (n,).
 
     `pitches`, shape (n,), are base pitches since the start of contact of the last pair; the pairs
-    are one base pitch apart. `coupling` is explained in `compliance_matrix`. The Hertz contact,
-    `hertz`, is "constant" or "logarithmic", which needs the `torque` of the pinion in N m. `twist`
-    is whether gear bodies twist about their bores, a bool or one for each gear.
+    are one base pitch apart. `coupling` is the fraction of the body compliance that all pairs have
+    in common, by default a fit to finite elements. The Hertz contact, `hertz`, is "constant" or
+    "logarithmic" in the load, which needs the `torque` of the pinion in N m. `twist` is whether
+    gear bodies twist about their bores, a bool or one for each gear.
     """
     pair = PairCompliance(stage, hertz, twist)
     allowed = "a finite number > 0 where hertz is 'logarithmic'"
     checks.require(torque or hertz == "constant", "torque", torque, allowed)
+    # Positions of the contact on the path, m, and the forces, which are equal at first.
     positions = stage.path[0] + (pitches[:, None] + np.arange(count)) * stage.base_pitch
     load = stage.load(torque or 1.0)
     forces = np.full(positions.shape, load / count)
+    # Only the logarithmic contact depends on how the pairs share the load.
     iterations = _LOAD_ITERATIONS if hertz == "logarithmic" else 1
     for _ in range(iterations):
         compliance = compliance_matrix(pair, positions, forces, coupling)
@@ -504,9 +517,10 @@ def mesh_stiffness(
 def _energy_curve(stage, fewer_pairs, segment, samples, options):
     """Return the mesh stiffness by the energy method as a curve, and its mean in each segment.
 
-    The first segment, from 0 to `segment` base pitches, has `fewer_pairs` + 1 pairs of teeth in
-    contact, and the second segment, up to 1, has `fewer_pairs`. The curve has about `samples`
-    points, and the means are in N/m. `options` is a dict passed to `energy_stiffness`.
+    The curve is a `_StiffnessCurve` over one base pitch. Its first segment, from 0 to `segment`
+    base pitches, has `fewer_pairs` + 1 pairs of teeth in contact, and the second segment, up to 1,
+    has `fewer_pairs`. The curve has about `samples` points, and the means are in N/m. `options` is
+    a dict of options of `energy_stiffness`, such as the torque.
     """
     pitches, stiffnesses, means = [], [], []
     for start, end, count in ((0.0, segment, fewer_pairs + 1), (segment, 1.0, fewer_pairs)):
@@ -521,9 +535,10 @@ def _energy_curve(stage, fewer_pairs, segment, samples, options):
 
 
 def _stiffness_of_table(method: str, table: Tabulated) -> MeshStiffness:
-    """Return the mesh stiffness given by a table, with its equivalent rectangle.
+    """Return the `MeshStiffness` given by a table, with its equivalent rectangle.
 
-    `method` is the name of the method that computed the table, or "table".
+    The rectangle has the extrema and the mean of the table. `method` is the name of the method that
+    computed the table, or "table".
     """
     max_stiffness, kappa, epsilon = table.ratios()
     if 1.0 - kappa < 1e-12:
@@ -536,18 +551,24 @@ class _StiffnessCurve:
     """A mesh stiffness over one base pitch, linear between points; equal positions make a step."""
 
     def __init__(self, pitches: ArrayLike, stiffness: ArrayLike) -> None:
-        """Store positions from 0 to 1 base pitch, ascending, and their stiffness in N/m."""
+        """Store positions from 0 to 1 base pitch and the stiffness there in N/m.
+
+        The positions ascend; two equal positions are a step of the stiffness.
+        """
         self.pitches, self.stiffness = np.asarray(pitches, float), np.asarray(stiffness, float)
+        # Trapezoids give the integrals up to each position.
         areas = np.diff(self.pitches) * (self.stiffness[1:] + self.stiffness[:-1]) / 2.0
         self._cumulative_areas = np.append(0.0, np.cumsum(areas))
 
     def integral(self, end: np.ndarray) -> np.ndarray:
-        """Return the integrals of the stiffness from position 0 to `end`, both in base pitches.
+        """Return the integrals of the stiffness from position 0 to `end`, in N/m base pitches.
 
-        `end` may lie outside of [0, 1], because the stiffness repeats in each base pitch.
+        `end`, in base pitches, may lie outside of [0, 1], because the stiffness repeats in each
+        base pitch.
         """
         periods = np.floor(end)
         position = end - periods
+        # The interval in which the position lies; in a step its length is 0.
         i = np.searchsorted(self.pitches, position, side="right") - 1
         i = np.clip(i, 0, self.pitches.size - 2)
         length = self.pitches[i + 1] - self.pitches[i]
@@ -559,7 +580,8 @@ class _StiffnessCurve:
     def face_average(self, overlap_ratio: float) -> "_StiffnessCurve":
         """Return the moving average over `overlap_ratio` base pitches, as for a helical face.
 
-        It is exact if the stiffness is rectangular.
+        The slices of a helical face mesh one after another over this length. The average, again
+        linear between points, is exact if the stiffness is rectangular.
         """
         half_window = overlap_ratio / 2.0
         # The average has a corner where the window of the average begins or ends at a step.
@@ -574,11 +596,12 @@ class _StiffnessCurve:
         return _StiffnessCurve(positions, areas / overlap_ratio)
 
     def table(self, segment: float) -> Tabulated:
-        """Return the stiffness over the mesh phase as a table; a step becomes a short ramp.
+        """Return the stiffness over the mesh phase as a `Tabulated`; a step becomes a short ramp.
 
-        The mesh phase is 0 in the middle of the first segment, which ends at `segment` base
-        pitches.
+        The mesh phase is 0 in the middle of the first segment, the one with more pairs of teeth in
+        contact, which ends at `segment` base pitches.
         """
+        # A table needs distinct phases, so that the second of two equal positions is moved.
         pitches = self.pitches.copy()
         if pitches[-1] == 1.0:
             pitches[-1] -= _RAMP_LENGTH

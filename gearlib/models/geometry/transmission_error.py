@@ -66,8 +66,9 @@ def transmission_error(
     """Return the static transmission error and the load sharing of a mesh as a dataset.
 
     `torque` is the pinion torque, or several of them, in N m, >= 0; `phases` is the number of
-    phases in each mesh period. `GearStage.transmission_error` describes the options and the
-    variables. The slices of helical gears are linearized at each load, and their gaps are left out.
+    phases in each mesh period. `options` are those of `GearStage.transmission_error`, such as the
+    stiffness method; that method also describes the variables. The slices of helical gears are
+    linearized at each load, and their gaps are left out of the dataset.
     """
     torques = np.atleast_1d(float_array(torque))
     valid = torques.ndim == 1 and torques.size and ((torques >= 0.0) & (torques < math.inf)).all()
@@ -109,8 +110,9 @@ def transmission_error(
 def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:
     """Return the harmonics of the transmission error under a load in N, without its mean, in m.
 
-    They are harmonics of the mesh phase and hold as long as the pinion drives. Tip corners touch,
-    and pitch errors are ignored. `options` are the stiffness, coupling and twist of `pairs_at`.
+    They are harmonics of the mesh phase and hold as long as the pinion drives. Tip corners touch
+    beyond the path of contact, and pitch errors are ignored. `options` are the stiffness method
+    ("energy" or "iso"), the coupling of pairs of teeth by the gear bodies, and whether these twist.
     """
     pairs = tooth_pairs(
         stage, _ERROR_PHASES, pitch_errors=(0.0,), corners=True, load=load, **options
@@ -118,6 +120,7 @@ def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:
     (error,) = pairs.forces_under_loads([load]).displacement
     phase = math.tau * np.arange(_ERROR_PHASES) / _ERROR_PHASES
     harmonics = Harmonics.from_table(phase, error, _ERROR_HARMONICS)
+    # Leave out the harmonics behind the last that matters.
     amplitudes = np.hypot(harmonics.cosines, harmonics.sines)
     significant = np.flatnonzero(amplitudes > _MIN_ERROR_AMPLITUDE * error.mean())
     count = int(significant.max(initial=-1)) + 1
@@ -125,13 +128,14 @@ def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:
 
 
 def _helical_equilibrium(stage, phases, loads, options) -> tuple[ToothPairs, LoadSharing]:
-    """Return the tooth pairs of helical gears at the first of n loads, and the equilibrium at all.
+    """Return the pairs of teeth of helical gears at the first load, and the equilibrium at all.
 
-    `phases` is the number of phases per mesh period, `loads`, shape (n,), is in N, and `options` is
-    a dict of options of `pairs_at`. A load of 0 is replaced by a load too light to deflect the
-    teeth, at which the slices can be linearized.
+    They are a `ToothPairs` and a `LoadSharing`. `phases` is the number of phases per mesh period,
+    `loads`, shape (n,), is in N, and `options` is a dict of options of `pairs_at`, such as
+    pitch_errors. A load of 0 is replaced by a load too light to deflect the teeth, at which the
+    slices of the face can be linearized.
     """
-    period_count = checked_errors(stage, options.get("pitch_errors")).size
+    period_count = checked_errors(stage, options.get("pitch_errors")).size  # one error a period
     max_slices = _MAX_SLICES_AT_PHASES / period_count
     max_phases = min(max_slices / MIN_SLICES, math.sqrt(max_slices / stage.overlap_ratio))
     allowed = f"at most {max_phases:.0f}, where the faces of helical gears are divided into slices"
@@ -143,6 +147,7 @@ def _helical_equilibrium(stage, phases, loads, options) -> tuple[ToothPairs, Loa
         pairs = tooth_pairs(stage, phases, load=max(load, light_load), **settings)
         pairs_at_loads.append(pairs)
         equilibria.append(pairs.forces_under_loads([load]))
+    # Concatenate the fields of the equilibria along the axis of the loads.
     arrays = [[getattr(item, field.name) for item in equilibria] for field in fields(LoadSharing)]
     return pairs_at_loads[0], LoadSharing(*map(np.concatenate, arrays))
 
@@ -251,11 +256,12 @@ def optimum_relief(
     deflections = [compliance[end] * load for end in ends]
 
     def values_in_m(points):
-        """Return both amounts and the length in m, (n,) each, of n points of the variables.
+        """Return the amounts of both tip reliefs and their length in m, (n,) each, of n points.
 
-        The last variable is the length over `max_length`, unless there is a `fixed_length`. The
-        first two are the amounts over `deflections`, times the square of this relative length: thus
-        the valley of small errors runs along the length.
+        A point holds dimensionless variables of the optimization. The last one is the length over
+        `max_length`, unless there is a `fixed_length`. The first two are the amounts over
+        `deflections`, times the square of this relative length: thus the valley of small errors
+        runs along the length.
         """
         *scaled_amounts, length = np.transpose(points)
         if fixed_length is not None:
@@ -270,7 +276,8 @@ def optimum_relief(
     def errors(points, pairs=pairs):
         """Return the transmission errors of n points at m phases over the sum of `deflections`.
 
-        The result has the shape (n, m); `pairs` are the `ToothPairs` at the m phases.
+        A point holds the dimensionless variables of the optimization, amounts and length of the
+        reliefs. The result has the shape (n, m); `pairs` are the `ToothPairs` at the m phases.
         """
         *amounts, length = (values[:, None, None] for values in values_in_m(points))
         tip_distances = stage.path[1] - pairs.position, pairs.position - stage.path[0]
@@ -338,9 +345,9 @@ def _optimum_of_helical(
     """Return a helical stage with the tip reliefs of least peak-to-peak transmission error.
 
     `torque` is the pinion torque in N m. `fixed_length` is the length of both reliefs in m, or None
-    to optimize it, and `shape` is their shape. `max_amounts` are the largest amounts for (pinion,
-    wheel) in m. At most `phases` phases per mesh period are used; `options` is a dict of options of
-    `GearStage.transmission_error`.
+    to optimize it, and `shape` is their shape, "linear" or "parabolic". `max_amounts` are the
+    largest amounts for (pinion, wheel) in m. At most `phases` phases per mesh period are used;
+    `options` is a dict of options of `GearStage.transmission_error`, such as the stiffness method.
     """
     phases = min(phases, _HELICAL_PHASES)
     max_length = stage.longest_relief
@@ -381,6 +388,7 @@ def _descend(function, start, bounds) -> np.ndarray:
     """
     from scipy.optimize import minimize
 
+    # The first simplex has the start and one step from it in each variable as corners.
     start = np.clip(start, *np.transpose(bounds))
     simplex = start + np.vstack([np.zeros(len(bounds)), np.diag(_STEPS[: len(bounds)])])
     options = {"initial_simplex": simplex, "maxfev": _MAX_EVALUATIONS, "xatol": 1e-4, "fatol": 1e-6}
@@ -388,10 +396,11 @@ def _descend(function, start, bounds) -> np.ndarray:
 
 
 def _minimize_range(function, start, bounds) -> np.ndarray:
-    """Return the variables that minimize the range, max - min, of a vector function, by SLSQP.
+    """Return the variables that minimize the range, max - min, of a vector function.
 
-    `function` takes the variables and returns a vector, `start` is where the descent begins, and
-    `bounds` are (lower, upper) for each variable.
+    The method is sequential quadratic programming (SLSQP). `function` takes the variables and
+    returns a vector, `start` is where the descent begins, and `bounds` are (lower, upper) for each
+    variable.
     """
     from scipy.optimize import minimize
 
