@@ -45,7 +45,10 @@ def methods() -> list[Method]:
 
 
 def describe_method(name: str) -> Method:
-    """Return the description of the method that is called `name`."""
+    """Return the description of the method of integration that is called `name`.
+
+    It says whether the package that the method needs, if any, is installed.
+    """
     method = METHODS[name]
     options = {key: (option.default, option.text) for key, option in method.OPTIONS.items()}
     is_available, note = True, ""
@@ -55,12 +58,15 @@ def describe_method(name: str) -> Method:
 
 
 def _methods_for(model) -> list[str]:
-    """Return the names of the methods that can run a model."""
+    """Return the names of the methods of integration that can run a model."""
     return [name for name, method in METHODS.items() if method.supports(model)]
 
 
 def reason_unsupported(model, name: str) -> str:
-    """Return the reason why the method called `name` cannot run a model, empty if it can."""
+    """Return the reason why the method called `name` cannot run a model, empty if it can.
+
+    The reason is a sentence for an error message.
+    """
     method, model_class = METHODS[name], type(model).__name__
     if method.supports(model):
         return ""
@@ -68,11 +74,12 @@ def reason_unsupported(model, name: str) -> str:
 
 
 def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dict]:
-    """Return (name, `Integrator`, all options) of the method that runs a model.
+    """Return (name, `Integrator`, all options) of the method of integration that runs a model.
 
     `name` is the name of the method, or None for "exact" if it can run the model, else "taylor".
-    Options that `options` lacks have their defaults. Raises ValueError if the method is unknown or
-    cannot run the model or if an option is invalid, and `MissingPackage` if its package is missing.
+    `options` maps names of options of the method to values; the others have their defaults. Raises
+    ValueError if the method is unknown or cannot run the model or if an option is invalid, and
+    `MissingPackage` if its package is missing.
     """
     from gearlib.integrators.method import MissingPackage
     from gearlib.models.model import is_model
@@ -98,9 +105,10 @@ def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dic
 
 
 def _checked_options(method_name: str, options: dict | None) -> dict:
-    """Return all options of a method, with defaults for missing options.
+    """Return all options of the method called `method_name`, with defaults for missing options.
 
-    Raises ValueError if the method lacks an option in `options` or if its value is not allowed.
+    `options` maps names to values, or is None. Raises ValueError if the method has no option of a
+    name or does not allow the value.
     """
     known_options = METHODS[method_name].OPTIONS
     values = {option_name: option.default for option_name, option in known_options.items()}

@@ -73,7 +73,7 @@ class _Run(Run):
     problem: OneDegree
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
-        """Integrate over the whole span from a state at phase 0; return (final state, status).
+        """Integrate over the whole run from a state (x, x') at phase 0; return (state, status).
 
         More than `max_events` attempted steps in one mesh period end the run with EVENT_LIMIT.
         """
@@ -88,6 +88,8 @@ class _Run(Run):
         states[0] = state
         # Strobes, the states at the starts of the last mesh periods, are recorded as well.
         record_start = MESH_PERIOD * min(self.first_recorded, self.first_strobe)
+        # Each turn takes up to _STEPS_PER_RECORD steps and continues where the previous one has
+        # ended.
         while t[0] < end:
             count, status, evaluations = take_embedded_steps(
                 equation, record_start, end, self.max_events, progress, t, states, stages
@@ -102,9 +104,10 @@ class _Run(Run):
     def _record_steps(self, t: np.ndarray, states: np.ndarray, stages: np.ndarray) -> None:
         """Record k steps, with extrema also at the points inside them that ode45 returns.
 
-        `t` has the phases of the step ends, shape (k + 1,), `states` the states there, (k + 1, 2),
-        and `stages` the derivatives (x', x'') at the Runge-Kutta stages, (k, 7, 2).
+        `t` has the mesh phases of the step ends, shape (k + 1,), `states` the states there, (k + 1,
+        2), and `stages` the derivatives (x', x'') at the seven Runge-Kutta stages, (k, 7, 2).
         """
+        # Records count phases from the start of a mesh period.
         period, step_lengths = int(t[0] / MESH_PERIOD), np.diff(t)
         local_t = t - MESH_PERIOD * period
         # Coefficients of the powers 1 to 4 of the fraction of a step, shape (k, 2, 4).
@@ -112,7 +115,10 @@ class _Run(Run):
         coefficients = step_lengths[:, None, None] * weighted_stages
 
         def interpolate(phases: np.ndarray) -> np.ndarray:
-            """Return the states, (n, 2), at phases inside the steps, (n,), by dense output."""
+            """Return the states, (n, 2), at phases inside the steps, (n,), by dense output.
+
+            Dense output is the polynomial of degree 4 that the method provides for each step.
+            """
             i = np.searchsorted(local_t, phases, side="right") - 1
             i = np.clip(i, 0, len(step_lengths) - 1)
             fraction = ((phases - local_t[i]) / step_lengths[i])[:, None]

@@ -33,8 +33,8 @@ class FixedSteps(Integrator):
     def create_run(self, model, tuning: float, steps_per_period: int, **options) -> Run:
         """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
-        Each mesh period has `steps_per_period` equal steps. The other options of the method define
-        its `Scheme`.
+        Each mesh period has `steps_per_period` equal steps. The other options of the method, such
+        as its treatment of contact, define its `Scheme`.
         """
         return _Run(right_hand_side(model, tuning), steps_per_period, self.scheme(**options))
 
@@ -94,7 +94,7 @@ class GeneralisedAlpha(FixedSteps):
 
         If `contact` is "frozen", a step uses contact and damping at its start; if it is "iterated",
         they are iterated until the equation of motion holds. `spectral_radius`, from 0 to 1, is the
-        spectral radius at infinite frequency.
+        spectral radius at infinite frequency: the factor by which a step damps the fastest motions.
         """
         alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
         alpha_f = spectral_radius / (spectral_radius + 1.0)
@@ -111,10 +111,12 @@ class _Run(Run):
         """Store the right-hand side and the scheme, and tabulate the excitation of all steps.
 
         `problem` is the right-hand side of a model; a mesh period has `steps_per_period` steps.
+        `scheme` is the classical Runge-Kutta or the generalised-alpha method with its constants.
         """
         super().__init__(problem)
         self.steps_per_period, self.scheme = steps_per_period, scheme
         if isinstance(problem, OneDegree):
+            # Point inside a step at which the method evaluates stiffness and external force.
             middle_fraction = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
             self.excitation = tabulate_excitation(problem.mesh, steps_per_period, middle_fraction)
             # NaN means that the first step takes the acceleration from the equation of motion.
@@ -139,11 +141,12 @@ class _Run(Run):
         return status
 
     def _interpolate(self, t: np.ndarray, states: np.ndarray, phases: np.ndarray) -> np.ndarray:
-        """Return the states at `phases` by cubic Hermite interpolation.
+        """Return the states, (n, size), at mesh `phases`, (n,), by cubic Hermite interpolation.
 
-        The steps end at the phases t, shape (k + 1,), with `states`, shape (k + 1, size). `phases`
-        has the shape (n,), and the result the shape (n, size).
+        The steps end at the phases t, shape (k + 1,), with `states`, shape (k + 1, size). The
+        polynomial of a step has the states and the rates of change at both of its ends.
         """
+        # Index of the step in which each phase lies.
         i = np.clip(np.searchsorted(t, phases, side="right") - 1, 0, len(t) - 2)
         step_lengths = (t[i + 1] - t[i])[:, None]
         fraction, change = (phases - t[i])[:, None] / step_lengths, states[i + 1] - states[i]
@@ -154,12 +157,16 @@ class _Run(Run):
         return states[i] + fraction * (start_slope + fraction * (quadratic + fraction * cubic))
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
-        """Integrate over the whole span from a state at phase 0; return (final state, status)."""
+        """Integrate over the whole run from a state at phase 0; return (final state, status).
+
+        Steps are taken in batches of whole mesh periods, of which only the last ones are recorded.
+        """
         steps, period = self.steps_per_period, 0
         periods_per_batch = max(1, _STEPS_PER_RECORD // steps)
         batch_states = np.empty((min(periods_per_batch, self.periods) * steps + 1, state.size))
         period_starts = MESH_PERIOD * np.arange(periods_per_batch + 1)[:, None]
         batch_phases = (period_starts + MESH_PERIOD / steps * np.arange(steps)).ravel()
+        # Strobes, the states at the starts of the last mesh periods, are recorded as well.
         record_start = min(self.first_recorded, self.first_strobe)
         while period < self.periods:
             # A batch of mesh periods is recorded completely or not at all.

@@ -73,9 +73,10 @@ class _Equations(NamedTuple):
 def _compile_for_thread(thread, equations: tuple, events: tuple, tolerance: float) -> _Compiled:
     """Return a compiled integrator that only the thread with the identifier `thread` may use.
 
-    Each of the `equations` is (variable, expression of its derivative). Each of the `events` is
-    (expression, direction): the sign of its derivative at a zero, 1 or -1, or 0 for both. The
-    `tolerance` is the relative error of a step.
+    The cache makes each thread compile the same `equations` once. Each of them is (variable,
+    expression of its derivative). Each of the `events`, which stop the integrator at a zero, is
+    (expression, direction): the sign of the expression's derivative at the zero, 1 or -1, or 0 for
+    both. The `tolerance` is the relative error of a step.
     """
     import heyoka as hy
 
@@ -84,7 +85,8 @@ def _compile_for_thread(thread, equations: tuple, events: tuple, tolerance: floa
         hy.event_direction.positive,
         hy.event_direction.negative,
     )
-    # The automatic cooldown would be infinite for a start at rest with the flanks just touching.
+    # A cooldown is a time in which an event is not detected again. The automatic one would be
+    # infinite for a start at rest with the flanks just touching.
     terminal_events = [
         hy.t_event(expression, direction=event_directions[direction], cooldown=0.0)
         for expression, direction in events
@@ -107,7 +109,11 @@ class _Run(Split):
         return _compile_for_thread(thread, tuple(equations), tuple(events), tolerance)
 
     def solve(self, branch: Branch, state: np.ndarray) -> Arc:
-        """Return the `Arc` from a state to a crossing or the end of a branch, or raise `Stall`."""
+        """Return the `Arc` from a state to a flank crossing or to the end of a branch.
+
+        A branch is a range of mesh phase with constant contact on one stiffness segment; an arc is
+        the solution on it. If the solver fails, `Stall` is raised.
+        """
         from heyoka import taylor_outcome
 
         (integrator, state_view, parameters), values, flanks = self.equations(branch, state)
@@ -121,7 +127,7 @@ class _Run(Split):
         t, end_state, crossing = branch.end, state_view.copy(), None
         if outcome != taylor_outcome.time_limit:
             # If the event with the index i stops the run, the outcome is -1 - i. After the flank
-            # events there is at most one other event, so that all other outcomes are failures.
+            # events there is at most one other event, so that any other outcome is a failure.
             t, event = integrator.time, -1 - int(outcome)
             if not 0 <= event <= len(flanks):
                 raise Stall
@@ -145,9 +151,10 @@ class _Run(Split):
     def _crossing_index(self, branch: Branch, t: float, state, mesh: int, flank: int) -> int | None:
         """Return the index of the crossing in `branch.crossings` at which an arc has stopped.
 
-        In the `state` at the phase t the flank distance of the mesh is zero. If the motion only
-        grazes the flank, the state is moved away from it and None is returned. The phase counts
-        from the start of the mesh period.
+        The arc ends in `state` at the mesh phase t, counted from the start of the mesh period,
+        where the distance of the mesh from the flank is zero. `mesh` is the index of the mesh, and
+        `flank` is DRIVE_FLANK or COAST_FLANK. If the motion only grazes the flank, no contact
+        changes: the state is moved away from the flank and None is returned.
         """
         phase = branch.period_start + t
         rate = self.problem.flank_distance_rates(phase, state)[flank][mesh]
@@ -175,11 +182,17 @@ class _OneDegreeRun(_Run):
         self._branches: dict = {}
 
     def equations(self, branch: Branch, state: np.ndarray) -> _Equations:
-        """Return the compiled equations of a branch for an arc from the state (x, x')."""
+        """Return the compiled equations of a branch for an arc from the state (x, x').
+
+        A branch is a range of phase with constant contact on one stiffness segment. With quadratic
+        damping the equations depend on the sign of the velocity; equations of earlier arcs are
+        reused.
+        """
         contact_code, velocity_sign = int(branch.contact_codes[0]), 0
         _, quadratic_damping, _ = damping_coefficients(self.problem.mesh, contact_code)
         if quadratic_damping != 0.0:
             v = state[1]
+            # At rest the acceleration decides on the sign of the velocity.
             if v == 0.0:
                 v = self.problem.branch_derivative(
                     branch.start, state, branch.segment, branch.contact_codes
@@ -193,8 +206,9 @@ class _OneDegreeRun(_Run):
     def _build_equations(self, segment: int, contact_code, velocity_sign, crossings) -> _Equations:
         """Return compiled equations for a stiffness segment, a contact code and a sign of x'.
 
-        Each `FlankCrossing` in `crossings` is an event. The sign is 0 without quadratic damping.
-        With quadratic damping x' = 0 is an event as well, because |x'| is not smooth there.
+        The contact code is 1 on the drive flank, 0 without contact, -1 on the coast flank. Each
+        `FlankCrossing` in `crossings` is an event. The sign is 0 without quadratic damping; with
+        it, x' = 0 is an event as well, because |x'| is not smooth there.
         """
         import heyoka as hy
 
@@ -209,7 +223,10 @@ class _OneDegreeRun(_Run):
             return hy.par[len(parameter_values) - 1]
 
         def harmonic_sum(harmonics):
-            """Return a Fourier series; `harmonics` has rows (order, cosine, sine coefficient)."""
+            """Return the expression of a Fourier series of the mesh phase, which heyoka calls time.
+
+            `harmonics` has rows (order, cosine, sine coefficient).
+            """
             terms = []
             for order, cosine, sine in harmonics.tolist():
                 terms.append(parameter(cosine) * hy.cos(order * hy.time))
@@ -253,7 +270,12 @@ class _TrainRun(_Run):
     problem: PiecewiseLinear
 
     def __init__(self, problem: PiecewiseLinear, tol: float):
-        """Compile the equations of a right-hand side; `tol` is the relative tolerance of a step."""
+        """Compile the equations of a right-hand side; `tol` is the relative tolerance of a step.
+
+        All equations and flank distances are linear in the full state: the variables, the constant
+        1 and the harmonics of the mesh phase. Their nonzero coefficients are parameters of the
+        integrator.
+        """
         import heyoka as hy
 
         super().__init__(problem, tol=tol)
@@ -272,6 +294,7 @@ class _TrainRun(_Run):
         full_state, row_products = [*variables, hy.expression(1.0), *harmonics], []
         parameter_count = 1
         for is_nonzero in np.concatenate([distance_is_nonzero, self._nonzero_entries]):
+            # A row of the product: parameters times components of the full state.
             columns = np.flatnonzero(is_nonzero)
             terms = [
                 hy.par[parameter_count + i] * full_state[column] for i, column in enumerate(columns)
@@ -284,7 +307,10 @@ class _TrainRun(_Run):
         self._compiled = self.compile(equations, events)
 
     def equations(self, branch: Branch, state: np.ndarray) -> _Equations:
-        """Return the compiled integrator with the parameters of a branch, whatever the state."""
+        """Return the compiled integrator with the parameters of a branch, whatever the state.
+
+        A branch is a range of phase with constant contact on one stiffness segment.
+        """
         self._values[0] = branch.period_start
         matrix = self.problem.branch_matrix(branch.segment, branch.contact_codes)
         values = np.concatenate([self._values, matrix[self._nonzero_entries]])

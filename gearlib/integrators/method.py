@@ -63,6 +63,7 @@ class Integrator:
 
         The run starts from the initial `state` of the model and lasts a `Span` of mesh periods. The
         record has `samples` samples per recorded period, and events only if `keep_events`.
+        `options` are the options of the method, such as tolerances.
         """
         # One row in the event table only means that events are kept; the run replaces the table.
         tables = model.empty_record(span.recorded * samples, int(keep_events))
@@ -78,10 +79,11 @@ class Integrator:
         A tuning is mesh frequency / natural frequency. `rows` holds result tables with a row for
         each tuning. `order` holds the indices of the tunings in the order of the runs. With
         `warm_start` each run starts from the final state of the previous run, else from `state`.
+        `options` are the options of the method, such as tolerances.
         """
 
         def run(tuning, previous_record):
-            """Run at a tuning, from the end of the previous run if it is given, else `state`."""
+            """Run at a tuning from the end of the previous run if given, else from `state`."""
             initial_state = tuple(previous_record.final) if previous_record else state
             return self.run(model, tuning, initial_state, span, keep_events=False, **options)
 
@@ -104,7 +106,9 @@ class Exact(Integrator):
 
         The run starts from the initial `state` of the model and lasts a `Span` of mesh periods. The
         record has `samples` samples per recorded period, and events only if `keep_events`.
+        `options` are the options of the method.
         """
+        # The engine that computes the exact motion of this model at this tuning.
         propagator = model.propagator(tuning, self.NAME, **options)
         converted_state = propagator.initial_state(state)
         return propagator.run(converted_state, span, samples, keep_events=keep_events)
@@ -115,6 +119,7 @@ class Exact(Integrator):
         A tuning is mesh frequency / natural frequency. `rows` holds result tables with a row for
         each tuning. `order` holds the indices of the tunings in the order of the runs. With
         `warm_start` each run starts from the final state of the previous run, else from `state`.
+        `options` are the options of the method.
         """
         # Any propagator of the model can sweep; it creates a propagator for each tuning.
         propagator = model.propagator(tunings[0], self.NAME, **options)

@@ -41,8 +41,9 @@ def right_hand_side(model, tuning: float) -> "OneDegree | PiecewiseLinear":
 def contact_codes_at(flank_distances: np.ndarray) -> np.ndarray:
     """Return the contact codes of m meshes, shape (..., m), for their flank distances.
 
-    `flank_distances`, shape (..., 2, m), are signed distances from the drive and the coast flank; a
-    drive flank touches at a distance >= 0, a coast flank at a distance <= 0.
+    A code is 1 (contact on the drive flank), 0 (no contact) or -1 (coast flank). `flank_distances`,
+    shape (..., 2, m), are signed distances from the drive and the coast flank; a drive flank
+    touches at a distance >= 0, a coast flank at a distance <= 0.
     """
     drive_distances = flank_distances[..., DRIVE_FLANK, :]
     coast_codes = np.where(flank_distances[..., COAST_FLANK, :] <= 0.0, COAST, NO_CONTACT)
@@ -57,7 +58,10 @@ class _RightHandSide:
     flank_distance_rates: Any
 
     def segment_after(self, t: float | np.ndarray) -> np.ndarray:
-        """Return the index of the segment of constant stiffness just after the phase t."""
+        """Return the index of the segment of constant stiffness just after the mesh phase t.
+
+        Within rounding, a phase at a switch of stiffness belongs to the segment that begins there.
+        """
         phase = (t + SAME_PHASE_TOLERANCE) % self.segment_bounds[-1]
         next_bound = np.searchsorted(self.segment_bounds, phase, side="right")
         return np.minimum(next_bound, len(self.segment_bounds) - 1) - 1
@@ -73,10 +77,11 @@ class _RightHandSide:
     def reached_crossing(self, t: float, state, crossings: list, tolerance: float) -> int | None:
         """Return the index of the first flank crossing that a state has reached, or None.
 
-        A state at the phase t has reached a `FlankCrossing` in `crossings` if it moves in the
-        direction of the crossing, and if the flank distance has changed its sign or is smaller than
-        `tolerance`.
+        A crossing, an element of `crossings`, is a zero of the distance of a mesh from a flank in
+        one direction. A state at the mesh phase t has reached it if it moves in this direction, and
+        if the distance has changed its sign or is smaller than `tolerance`.
         """
+        # The rates take longer to compute, so they are computed only if a distance is small.
         distances, rates = self.flank_distances(t, state).tolist(), None
         for i, crossing in enumerate(crossings):
             distance = distances[crossing.flank][crossing.mesh]
@@ -141,13 +146,16 @@ class OneDegree(_RightHandSide):
         return False
 
     def branch_derivative(self, t: float, state, segment: int, contact_codes) -> np.ndarray:
-        """Return the derivative of a state by phase, for a stiffness segment and contact codes."""
+        """Return the derivative of a state by mesh phase, for a segment and contact codes.
+
+        `contact_codes` has one code, 1 (drive flank), 0 (no contact) or -1 (coast flank).
+        """
         arguments = np.array([t]), state[None], np.array([segment]), contact_codes[None]
         _, _, accelerations = self._stiffness_and_acceleration(*arguments)
         return np.array([state[1], accelerations[0]])
 
     def derivative(self, t: float, state: np.ndarray) -> np.ndarray:
-        """Return the derivative of a state by phase; the state determines the contact."""
+        """Return the derivative of a state (x, x') by mesh phase; x determines the contact."""
         x, v = state
         acceleration = equation_of_motion.mesh_acceleration(self.contact_law, self.mesh, t, x, v)
         return np.array([v, acceleration])
@@ -155,7 +163,8 @@ class OneDegree(_RightHandSide):
     def _stiffness_and_acceleration(self, t, states, segments, contact_codes) -> np.ndarray:
         """Return mesh stiffness, mesh force over stiffness, and acceleration of k states, (3, k).
 
-        Phases t and `segments` have shape (k,), `states` (k, 2), and `contact_codes` (k, 1).
+        Mesh phases t and indices of stiffness `segments` have shape (k,), `states` (x, x') the
+        shape (k, 2), and `contact_codes` (1, 0, -1) the shape (k, 1).
         """
         # numba compiles a kernel for each memory layout, so all arrays get the same layout.
         arguments = [
@@ -167,8 +176,8 @@ class OneDegree(_RightHandSide):
     def rates_at_step_ends(self, start, states, end, new_states) -> np.ndarray:
         """Return the derivatives of the states at the starts and ends of k steps, shape (2, k, 2).
 
-        The steps lead from `states` at the phases `start`, (k,), to `new_states` at the phases
-        `end`, (k,). Both derivatives use the stiffness inside the step.
+        The steps lead from `states` at the mesh phases `start`, (k,), to `new_states` at the phases
+        `end`, (k,). If the stiffness jumps at an end of a step, the value inside the step is used.
         """
         start_codes = self.contact_codes(start, states)
         _, _, start_acceleration = self._stiffness_and_acceleration(
@@ -184,20 +193,23 @@ class OneDegree(_RightHandSide):
     def mesh_forces(self, t, states, segments, contact_codes) -> tuple[np.ndarray, np.ndarray]:
         """Return (dimensionless elastic mesh forces, zeros) of k states, both of shape (k, 1).
 
-        The zeros stand for the derivatives of the forces, which only the mean force of trains
-        needs. In the equation in mesh phase the stiffness is divided by (mesh frequency)^2; times
-        tuning^2 it is the stiffness over its mean.
+        Phases t and indices of stiffness `segments` have shape (k,), `states` (k, 2), and
+        `contact_codes` (1, 0, -1) (k, 1). The zeros stand for the derivatives of the forces, which
+        only the mean force of trains needs.
         """
         stiffness, force_over_stiffness, _ = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
         )
+        # In the equation in mesh phase the stiffness is divided by (mesh frequency)^2. Times
+        # tuning^2 it is the stiffness over its mean.
         forces = (self.tuning**2 * stiffness * force_over_stiffness)[:, None]
         return forces, np.zeros_like(forces)
 
     def fill_samples(self, samples, t, states, segments, contact_codes) -> None:
-        """Fill the sample table, (k, 6), from k states at the phases t.
+        """Fill the sample table, (k, 6), from k states (x, x') at the mesh phases t.
 
-        Segments have shape (k,), states (k, 2), and contact codes (k, 1).
+        Indices of stiffness `segments` have shape (k,), `states` (k, 2), and `contact_codes` (1, 0,
+        -1) (k, 1).
         """
         stiffness, force_over_stiffness, acceleration = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
@@ -220,7 +232,8 @@ class PiecewiseLinear(_RightHandSide):
     def __init__(self, model, tuning: float):
         """Store the linear system of a model at a tuning (mesh / natural frequency).
 
-        Flank distances are linear in the full state: the state, the constant 1 and the harmonics.
+        The distances of the meshes from their flanks are linear in the full state: the state, the
+        constant 1 and the harmonics of the mesh phase.
         """
         self.propagator = model.propagator(tuning)
         self.system, self._constants = self.propagator.complete_system()
@@ -233,7 +246,7 @@ class PiecewiseLinear(_RightHandSide):
         self.may_jam, self.excitation_period = self._constants.may_jam, system.repeats
         # Only gear trains have names of meshes.
         self.tuning, self.size, self._is_train = tuning, size, bool(model.mesh_names)
-        #: Factors from full states to states of the `TrainSystem`.
+        # Factors from full states to states of the `TrainSystem`, whose velocities are by theta.
         self.scale = np.ones(len(system.base_matrix))
         if not self._is_train:
             self.scale[:size] = self.propagator.scale
@@ -251,7 +264,10 @@ class PiecewiseLinear(_RightHandSide):
         ]
 
     def full_state(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
-        """Return a state followed by the constant 1 and the harmonics at the phase t."""
+        """Return the full state at the mesh phase t: a state, the constant 1, and the harmonics.
+
+        If t is an array, shape (k,), there is a row for each phase.
+        """
         full = np.empty((*np.shape(t), self.scale.size))
         full[..., : self.size] = state
         if full.ndim == 1:
@@ -261,7 +277,11 @@ class PiecewiseLinear(_RightHandSide):
         return full
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
-        """Return (state, contact codes) at phase 0 for an initial state of the model."""
+        """Return (state, contact codes) at phase 0 for an initial state of the model.
+
+        The state has velocities by mesh phase; contact codes are 1 (drive flank), 0 or -1 (coast
+        flank).
+        """
         # The state of the system is the state of the propagator times `propagator.scale`. It is
         # also z times `state_scale`.
         state_scale = self.scale[: self.size]
@@ -273,7 +293,7 @@ class PiecewiseLinear(_RightHandSide):
         return z, work.contact.copy()
 
     def final_state(self, t: float, state: np.ndarray) -> tuple:
-        """Return (displacements, velocities) as results report them.
+        """Return (displacements, velocities) at the mesh phase t as results report them.
 
         For a train these are arrays over all coordinates, for one mesh two floats.
         """
@@ -298,18 +318,25 @@ class PiecewiseLinear(_RightHandSide):
         return full @ self.distances[DRIVE_FLANK].T, full @ self._distance_rates[DRIVE_FLANK].T
 
     def set_distance(self, t: float, state, mesh: int, flank: int, distance: float) -> None:
-        """Move a state, in place, to a distance from one flank of a mesh."""
+        """Move a state, in place, to a `distance` from one flank of a mesh at the mesh phase t.
+
+        `flank` is DRIVE_FLANK or COAST_FLANK. The coordinates move such that no other mesh is
+        affected.
+        """
         present_distance = float(self.distances[flank, mesh] @ self.full_state(t, state))
         direction = self._separate_moves[flank][:, mesh]
         state[: self.size // 2] += direction * (distance - present_distance)
 
     def is_jammed(self, t: float, state: np.ndarray) -> bool:
-        """Return whether both flanks of a mesh touch at once in a state at the phase t."""
+        """Return whether both flanks of a mesh touch at once in a state at the mesh phase t."""
         system_state = state * self.scale[: self.size]
         return equation_of_motion.is_jammed(self.system, self.may_jam, t, system_state)
 
     def nonzero_entries(self) -> np.ndarray:
-        """Return a mask of the entries of `branch_matrix` that are nonzero on some branch."""
+        """Return a mask of the entries of `branch_matrix` that are nonzero for some contacts.
+
+        The branch matrix maps full states to derivatives of the state.
+        """
         system = self.system
         # Each force adds the outer product of its input and output vectors. The indices of their
         # arrays are mesh, force case, kind of force (elastic with damping, or friction), component.
@@ -319,9 +346,10 @@ class PiecewiseLinear(_RightHandSide):
         return (system.base_matrix[: self.size] != 0.0) | has_force
 
     def branch_matrix(self, segment: int, contact_codes: np.ndarray) -> np.ndarray:
-        """Return the matrix that maps full states to derivatives of the state by phase.
+        """Return the matrix that maps full states to derivatives of the state by mesh phase.
 
-        It holds for one segment of the stiffness and the contact codes of all meshes.
+        It holds on one stiffness segment with the contact codes of all meshes (1, 0, -1), and is
+        kept for later calls. A full state is the state, the constant 1 and the harmonics.
         """
         branch = segment, contact_codes.tobytes()
         if branch not in self._matrices:
@@ -329,31 +357,36 @@ class PiecewiseLinear(_RightHandSide):
             # `effect` holds the force case of a mesh: no contact, or contact at some stiffness.
             force_cases = self.system.effect[contact_codes + 1, segment, self._meshes]
             fill_system_matrix(self.system, force_cases, matrix)
+            # The system has derivatives by theta; division by the tuning gives derivatives by mesh
+            # phase.
             scaled_matrix = matrix[: self.size] / self.scale[: self.size, None]
             self._matrices[branch] = scaled_matrix * self.scale / self.tuning
         return self._matrices[branch]
 
     def branch_derivative(self, t: float, state, segment: int, contact_codes) -> np.ndarray:
-        """Return the derivative of a state by phase, for a stiffness segment and contact codes."""
+        """Return the derivative of a state by mesh phase, for a segment and contact codes."""
         return self.branch_matrix(segment, contact_codes) @ self.full_state(t, state)
 
     def derivative(self, t: float, state: np.ndarray) -> np.ndarray:
-        """Return the derivative of a state by phase; the state determines the contacts."""
+        """Return the derivative of a state by mesh phase; the state determines the contacts."""
+        # Factors to the units of the `TrainSystem`, in which velocities are by theta.
         scale = self.scale[: self.size]
         return equation_of_motion.train_derivative(self.system, t, state * scale) / scale
 
     def rates_at_step_ends(self, start, states, end, new_states) -> np.ndarray:
         """Return the mean rates of change over k steps, twice, shape (2, k, size).
 
-        The steps lead from `states` at the phases `start`, (k,), to `new_states` at the phases
-        `end`, (k,). With the mean rates at both ends, Hermite interpolation is linear.
+        The steps lead from `states` at the mesh phases `start`, (k,), to `new_states` at the phases
+        `end`, (k,). With mean rates in place of the rates at both ends, Hermite interpolation
+        becomes linear.
         """
         return np.stack(2 * [(new_states - states) / (end - start)[:, None]])
 
     def mesh_forces(self, t, states, segments, contact_codes) -> np.ndarray:
-        """Return (elastic forces of m meshes, their derivatives by phase), shape (2, k, m).
+        """Return (elastic forces of m meshes, their derivatives by mesh phase), shape (2, k, m).
 
-        Phases t and `segments` have shape (k,), `states` (k, size), and `contact_codes` (k, m).
+        Phases t and indices of stiffness `segments` have shape (k,), `states` (k, size), and
+        `contact_codes` (1 drive flank, 0 no contact, -1 coast flank) (k, m).
         """
         full = self.full_state(t, states)
         stiffness = self.system.stiffness[contact_codes + 1, segments[:, None], self._meshes]
@@ -366,10 +399,12 @@ class PiecewiseLinear(_RightHandSide):
         return stiffness * np.where(contact_codes == DRIVE, drive, coast)
 
     def fill_samples(self, samples, t, states, segments, contact_codes) -> None:
-        """Fill the sample table of the model, with k rows, from k states at the phases t.
+        """Fill the sample table of the model, with k rows, from k states at the mesh phases t.
 
-        Segments have shape (k,), states (k, size), and contact codes (k, m).
+        Indices of stiffness `segments` have shape (k,), `states` (k, size), and `contact_codes` (1,
+        0, -1) (k, m).
         """
         system_states = self.scale * self.full_state(t, states)
+        # These are the columns of the raw samples from which the propagator computes the table.
         table = np.concatenate([system_states, contact_codes, segments[:, None]], axis=1)
         self.propagator.fill_samples(table, samples, self.system)

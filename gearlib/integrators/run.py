@@ -43,7 +43,7 @@ def within_range(state: np.ndarray) -> bool:
 def code_of_stall(state: np.ndarray) -> int:
     """Return the status of a run whose solver fails at a state.
 
-    It is OVERFLOW if the state is huge, so that intermediate numbers overflow, else STALLED.
+    It is OVERFLOW if the state is so large that intermediate numbers overflow, else STALLED.
     """
     return status.STALLED if np.abs(state).max() < _HUGE_STATE else status.OVERFLOW
 
@@ -51,8 +51,9 @@ def code_of_stall(state: np.ndarray) -> int:
 def next_contact_code(code: int, final_code: int, backlash_ratio: float) -> int:
     """Return the next contact code of a mesh on its way from `code` to `final_code`.
 
-    With backlash there is no contact between contact on one flank and contact on the other flank.
-    Without backlash, a loss of contact on one flank is contact on the other flank.
+    The codes are 1 (contact on the drive flank), 0 (no contact) and -1 (coast flank). With backlash
+    there is no contact between contact on one flank and contact on the other flank. Without
+    backlash, a loss of contact on one flank is contact on the other flank.
     """
     if code == NO_CONTACT:
         return int(final_code)
@@ -66,7 +67,7 @@ class Run:
     """
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
-        """Store a right-hand side and the settings of the solver.
+        """Store a right-hand side and the settings of the solver, such as tolerances.
 
         The time for which the stiffness is below its mean is tabulated for the summary.
         """
@@ -86,7 +87,7 @@ class Run:
         `samples`, shape (n, columns), has equally many rows for each recorded period. Events are
         kept if `events` has rows; the columns are mesh period, phase in it, contact codes before
         and after, velocity and, for a train, mesh. `summary` has the columns of
-        `gearlib.engines.orbit`, and for a train a row for each mesh.
+        `gearlib.engines.orbit` (extrema, contact times), and for a train a row for each mesh.
         """
         problem, periods = self.problem, span.periods
         self.periods, self.max_events = periods, span.max_events
@@ -120,7 +121,11 @@ class Run:
         return Record(state, final, period, samples, events, summary, run_status, self.evaluations)
 
     def _orbit_period(self) -> int:
-        """Return the number of mesh periods after which all meshes repeat their motion, or 0."""
+        """Return the number of mesh periods after which all meshes repeat their motion, or 0.
+
+        It is the least common multiple over the meshes. `self.strobes` has the states of each mesh
+        at the starts of the last mesh periods.
+        """
         displacement_ranges = self.summary[:, orbit.X_MAX] - self.summary[:, orbit.X_MIN]
         # The tuning times dx/dtau is the velocity divided by the natural frequency.
         tuning, excitation_period = self.problem.tuning, self.problem.excitation_period
@@ -133,7 +138,8 @@ class Run:
     def _excitation_phase(self, period: Any) -> Any:
         """Return the phase of the excitation at the start of a mesh period.
 
-        `period`, the number of the mesh period, may be an array.
+        `period`, the number of the mesh period, may be an array. The phase starts again at 0 when
+        the excitation repeats, so that it stays exact in a long run.
         """
         return MESH_PERIOD * (period % self.problem.excitation_period)
 
@@ -145,12 +151,13 @@ class Run:
     def record_steps(self, period: int, t, states, interpolate, refined_phases: Any = ()) -> None:
         """Record k steps, within which stiffness and contact may change.
 
-        The phases t of the step ends, shape (k + 1,), are counted from the start of mesh period
-        `period`; `states` has the shape (k + 1, size). ``interpolate(phases)`` returns states
-        between step ends. Extrema are also evaluated at `refined_phases` within the steps. Contact
-        events are located by linear interpolation.
+        The mesh phases t of the step ends, shape (k + 1,), are counted from the start of mesh
+        period `period`; `states` has the shape (k + 1, size). ``interpolate(phases)`` returns
+        states between step ends. Extrema are also evaluated at `refined_phases` within the steps.
+        Contact events are located by linear interpolation.
         """
         problem, start_phase = self.problem, self._excitation_phase(period)
+        # Strobes are states at the starts of the last mesh periods.
         strobe_periods = np.arange(max(self.first_strobe, period), self.periods)
         strobe_phases = MESH_PERIOD * (strobe_periods - period)
         is_inside = (strobe_phases > t[0] - _PERIOD_START_TOLERANCE) & (strobe_phases < t[-1])
@@ -164,6 +171,7 @@ class Run:
         skipped = max(int(np.searchsorted(t, record_start, side="right")) - 1, 0)
         t, states = t[skipped:], states[skipped:]
         recorded_t, recorded_states = t.copy(), states.copy()
+        # The record begins inside the first step.
         if t[0] < record_start:
             recorded_t[0] = record_start
             recorded_states[0] = interpolate(np.array([record_start]))[0]
@@ -184,12 +192,12 @@ class Run:
             self._add_contact_times(period, mesh, recorded_t[:-1], t, states, distances)
 
     def record_branch(self, period: int, t, states, interpolate, segment: int, contact_codes):
-        """Record k steps within one stiffness segment, without a change of contact.
+        """Record k steps on a branch: one stiffness segment without a change of contact.
 
-        The phases t of the step ends, shape (k + 1,), are counted from the start of mesh period
-        `period`; `states` has the shape (k + 1, size). ``interpolate(phases)`` returns states
-        between step ends. `segment` is the index of the segment, and `contact_codes` has the shape
-        (m,).
+        The mesh phases t of the step ends, shape (k + 1,), are counted from the start of mesh
+        period `period`; `states` has the shape (k + 1, size). ``interpolate(phases)`` returns
+        states between step ends. `segment` is the index of the segment, and `contact_codes`, (m,),
+        are 1 (drive flank), 0 or -1 (coast flank) for each mesh.
         """
         phases = self._excitation_phase(period) + t
         segments = np.full(len(t), segment)
@@ -207,8 +215,9 @@ class Run:
     def _add_samples(self, period: int, end, interpolate, segment=None, contact_codes=None):
         """Fill the samples before the phase `end`, counted from the start of mesh period `period`.
 
-        ``interpolate(phases)`` returns states. All samples have the `segment` and the
-        `contact_codes`, (m,); if these are None, they follow from phases and states.
+        ``interpolate(phases)`` returns states at mesh phases. All samples have the stiffness
+        `segment` and the `contact_codes`, (m,), of the meshes; if these are None, they follow from
+        phases and states.
         """
         problem = self.problem
         # Index of the first sample, counted from the start of the mesh period; it is negative if
@@ -236,8 +245,8 @@ class Run:
     def _add_states(self, t, states, segments, contact_codes) -> tuple[np.ndarray, np.ndarray]:
         """Update the extrema by k states; return (mesh forces, their derivatives by phase).
 
-        The phases t and the `segments` of the stiffness have shape (k,), `states` (k, size),
-        `contact_codes` and both results (k, m).
+        The mesh phases t and the indices of stiffness `segments` have shape (k,), `states` (k,
+        size), and `contact_codes` (1, 0, -1) and both results (k, m) for m meshes.
         """
         forces, force_rates = self.problem.mesh_forces(t, states, segments, contact_codes)
         displacements = self.problem.mesh_motion(t, states)[0]
@@ -255,32 +264,37 @@ class Run:
     def _add_steps(self, t, states, segments_before, segments_after, contact_codes) -> None:
         """Add k steps to the extrema and, by Hermite quadrature, to the mean mesh force.
 
-        The step ends t have shape (k + 1,), `states` (k + 1, size), and `contact_codes` (k + 1, m).
-        `segments_before`, (k,), are the stiffness segments just before the ends of the steps, and
-        `segments_after`, (k + 1,), just after all step ends; they differ where the stiffness jumps.
+        The phases t of the step ends have shape (k + 1,), `states` (k + 1, size), and
+        `contact_codes` (k + 1, m). `segments_before`, (k,), are indices of the stiffness segments
+        just before the ends of the steps, and `segments_after`, (k + 1,), just after all step ends;
+        they differ where the stiffness jumps.
         """
         h = np.diff(t)[:, None]
         forces, rates = self._add_states(t, states, segments_after, contact_codes)
         end_forces, end_rates = forces[1:].copy(), rates[1:].copy()
+        # Where the stiffness jumps, the force at the end of a step is computed once more, before
+        # the jump.
         i = np.flatnonzero(segments_before != segments_after[1:])
         if i.size:
             end_forces[i], end_rates[i] = self._add_states(
                 t[i + 1], states[i + 1], segments_before[i], contact_codes[i + 1]
             )
+        # The integral of the cubic polynomial with these forces and rates at both ends.
         areas = h / 2.0 * (forces[:-1] + end_forces) + h * h / 12.0 * (rates[:-1] - end_rates)
         self.summary[:, orbit.FORCE_SUM] += areas.sum(axis=0)
 
     def _add_contact_times(self, period: int, mesh: int, recorded_starts, t, states, distances):
         """Add the times at each contact code and the changes of contact of one mesh in k steps.
 
-        The steps end at the phases t, (k + 1,), and each is recorded from its phase in
+        The steps end at the mesh phases t, (k + 1,), and each is recorded from its phase in
         `recorded_starts`, (k,), on. Phases count from the start of mesh period `period`. `states`
-        has the shape (k + 1, size), and `distances`, (k + 1, 2, m), are the flank distances of all
-        m meshes.
+        has the shape (k + 1, size), and `distances`, (k + 1, 2, m), are the distances of all m
+        meshes from their drive and coast flanks.
         """
         start_phase = self._excitation_phase(period)
         codes = contact_codes_at(distances[:, :, mesh : mesh + 1])[:, 0]
         is_unchanged = codes[:-1] == codes[1:]
+        # A step without a change is one interval of constant contact; a step with changes is split.
         intervals = []
         for i in np.flatnonzero(~is_unchanged).tolist():
             start = float(recorded_starts[i])
@@ -294,9 +308,9 @@ class Run:
         self._add_times(mesh, start_phase + starts, start_phase + ends, interval_codes)
 
     def _add_times(self, mesh: int, starts, ends, contact_codes) -> None:
-        """Add intervals of phase to the times of a mesh at each contact code.
+        """Add intervals of mesh phase to the times of a mesh at each contact code in its summary.
 
-        `starts`, `ends` and `contact_codes` have one entry for each interval.
+        `starts`, `ends` and `contact_codes` (1, 0, -1) have one entry for each interval.
         """
         for code, column in _TIME_COLUMNS.items():
             start, end = starts[contact_codes == code], ends[contact_codes == code]
@@ -307,26 +321,29 @@ class Run:
                 self.summary[mesh, orbit.TIME_LOW] += low_time.sum()
 
     def _time_below_mean_until(self, mesh: int, contact_code: int, t: np.ndarray) -> np.ndarray:
-        """Return the time between phases 0 and t for which the mesh stiffness is below its mean.
+        """Return the time between mesh phases 0 and t while the mesh stiffness is below its mean.
 
         The stiffness of a mesh depends on its contact code. The phases t are an array.
         """
         bounds = self.problem.segment_bounds
         time_until_bounds = self._time_below_mean[contact_code + 1, :, mesh]
+        # The excitation repeats after the last segment bound.
         repetitions, phase = np.divmod(t, bounds[-1])
         return repetitions * time_until_bounds[-1] + np.interp(phase, bounds, time_until_bounds)
 
     def _add_changes(self, period: int, mesh: int, recorded_start, t, states, distances) -> list:
         """Add the changes of contact of a mesh in one step; return the intervals between them.
 
-        The phases t, (2,), `states`, (2, size), and flank `distances`, (2, 2), are values at the
-        start and the end of the step, which is recorded from the phase `recorded_start` on. Each
-        interval is (start, end, contact code).
+        The phases t, (2,), `states`, (2, size), and `distances` from drive and coast flank, (2, 2),
+        are values at the start and the end of the step, which is recorded from the phase
+        `recorded_start` on. Each interval is (start, end, contact code). Events lie where linearly
+        interpolated distances vanish.
         """
         code, final_code = contact_codes_at(distances[:, :, None])[:, 0].tolist()
         start, end = t.tolist()
         intervals = []
         while code != final_code:
+            # With backlash, there are two changes from one flank to the other, with no contact between.
             next_code = next_contact_code(code, final_code, self.problem.backlashes[mesh])
             flank = DRIVE_FLANK if DRIVE in (code, next_code) else COAST_FLANK
             start_distance, end_distance = distances[:, flank].tolist()
@@ -345,8 +362,9 @@ class Run:
     def add_event(self, period: int, t: float, state, mesh: int, code_before: int, code_after: int):
         """Add a change of contact of a mesh to its summary and to the events.
 
-        The contact code changes from `code_before` to `code_after` at the phase t, counted from the
-        start of mesh period `period`, and at a state of the model.
+        The contact code (1, 0, -1) changes from `code_before` to `code_after` in a `state` of the
+        model at the mesh phase t, counted from the start of mesh period `period`. t may lie in a
+        later period.
         """
         _, velocities = self.problem.mesh_motion(self._excitation_phase(period) + t, state)
         velocity = float(velocities[mesh])

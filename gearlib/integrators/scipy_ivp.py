@@ -56,12 +56,14 @@ class _UnsplitRun(Run):
     """Run in a single integration over the whole span, without event location."""
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
-        """Integrate over the whole span from a state at phase 0; return (final state, status).
+        """Integrate over the whole run from a state at phase 0; return (final state, status).
 
         More than `max_events` steps in one mesh period end the run with the status EVENT_LIMIT.
+        Steps are recorded together, in groups, from the recorded mesh periods on.
         """
         solver = self._create_solver(state)
         steps_in_period, period, steps = 0, 0, []
+        # Strobes are the states at the starts of the last mesh periods.
         if self.first_strobe == 0:
             self.add_strobes(np.array([0]), state[None])
         while solver.status == "running":
@@ -81,7 +83,8 @@ class _UnsplitRun(Run):
                 return solver.y, status.JAMMED
             if solver.status == "failed":
                 return start_state, status.STALLED
-            # The starts of the last mesh periods, the strobes, show whether the motion repeats.
+            # The strobes, which show whether the motion repeats, may begin before the recorded
+            # periods.
             is_recorded = solver.t > MESH_PERIOD * self.first_recorded
             passes_strobe = solver.t // MESH_PERIOD > max(t // MESH_PERIOD, self.first_strobe - 1)
             if is_recorded or passes_strobe:
@@ -94,7 +97,10 @@ class _UnsplitRun(Run):
         return solver.y, status.OK
 
     def _create_solver(self, state: np.ndarray):
-        """Return a scipy solver that starts from a state at phase 0 and counts its evaluations."""
+        """Return a scipy solver that starts from a state at phase 0 and counts its evaluations.
+
+        Its time is the mesh phase, up to the end of the last mesh period.
+        """
         from scipy import integrate
 
         def derivative(t, z):
@@ -107,15 +113,17 @@ class _UnsplitRun(Run):
         return solver_class(derivative, 0.0, state, MESH_PERIOD * self.periods, **tolerances)
 
     def _record_solver_steps(self, steps: list[tuple], solver) -> None:
-        """Record successive steps of a solver, of which the last one ends at its present state.
+        """Record successive steps of a scipy solver; the last one ends at its present state.
 
-        Each of the `steps` is (start phase, start state, dense output).
+        Each of the `steps` is (start phase, start state, dense output), where the dense output is a
+        function that returns states inside the step.
         """
         from scipy.integrate import OdeSolution
 
         phases = np.array([step[0] for step in steps] + [solver.t])
         states = np.array([step[1] for step in steps] + [solver.y])
         solution = OdeSolution(phases, [step[2] for step in steps])
+        # Records count phases from the start of a mesh period.
         period = int(steps[0][0] // MESH_PERIOD)
         start = MESH_PERIOD * period
         self.record_steps(period, phases - start, states, lambda t: solution(t + start).T)
@@ -125,15 +133,20 @@ class _SplitRun(Split):
     """Run by `solve_ivp` with terminal events, split at switches and changes of contact."""
 
     def _flank_distance(self, period_start, crossing: FlankCrossing, t: float, state) -> float:
-        """Return the flank distance of a state, whose zero is the `FlankCrossing` `crossing`.
+        """Return the distance of a mesh from a flank in a state at phase t, as an event function.
 
-        The phase t is counted from `period_start`, the phase at the start of the mesh period.
+        It is zero at the `FlankCrossing` `crossing`. The phase t is counted from `period_start`,
+        the phase at the start of the mesh period.
         """
         distances = self.problem.flank_distances(period_start + t, state)
         return distances[crossing.flank][crossing.mesh]
 
     def solve(self, branch: Branch, state: np.ndarray) -> Arc:
-        """Return the `Arc` from a state to a crossing or the end of a branch, or raise `Stall`."""
+        """Return the `Arc` from a state to a flank crossing or to the end of a branch.
+
+        A branch is a range of mesh phase with constant contact on one stiffness segment; an arc is
+        the solution on it. If the solver fails, `Stall` is raised.
+        """
         from scipy.integrate import solve_ivp
 
         period_start, start, end, segment, contact_codes, crossings = branch
@@ -159,6 +172,7 @@ class _SplitRun(Split):
         if solution.status < 0:
             raise Stall
         crossing_index = None
+        # The events are terminal, so that at most one of them has stopped the solver.
         for i, event_times in enumerate(solution.t_events):
             if event_times.size:
                 crossing_index = i

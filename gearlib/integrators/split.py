@@ -65,7 +65,10 @@ class Split(Run):
     RESTART_DISTANCE = 1e-14
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
-        """Store a right-hand side and the settings of the solver, and list the segments."""
+        """Store a right-hand side and the settings of the solver, and list the stiffness segments.
+
+        `settings` are keyword arguments of the solver, such as tolerances.
+        """
         super().__init__(problem, **settings)
         #: List of (segment, start, end) for each mesh period of the excitation.
         self._segments = []
@@ -77,25 +80,34 @@ class Split(Run):
             self._segments.append(list(segments))
 
     def restart_distance(self, state: np.ndarray) -> float:
-        """Return the flank distance at which a state restarts after a crossing."""
+        """Return the flank distance at which a state restarts after a crossing.
+
+        An event function must not start at zero, so that the state is moved a little beyond the
+        flank.
+        """
         return self.RESTART_DISTANCE * max(1.0, math.sqrt(state @ state))
 
     def solve(self, branch: Branch, state: np.ndarray) -> Arc:
-        """Return the `Arc` from a state to a crossing or to the end of a branch, or raise `Stall`.
+        """Return the `Arc` from a state to a flank crossing or to the end of a branch.
 
-        If `self.is_recording`, the arc has all steps and an interpolation.
+        A branch is a range of phase with constant contact on one stiffness segment; an arc is the
+        solution on it. If `self.is_recording`, the arc has all steps and an interpolation. If the
+        solver fails, a subclass raises `Stall`.
         """
         raise NotImplementedError
 
     def possible_crossings(self, contact_codes: np.ndarray) -> list[FlankCrossing]:
-        """Return the flank crossings that would change the contact of a mesh.
+        """Return a list of the flank crossings that would change the contact of a mesh.
 
-        `contact_codes`, shape (m,), are the present contact codes.
+        `contact_codes`, shape (m,), are the present codes of the m meshes: 1 in contact on the
+        drive flank, -1 on the coast flank, 0 without contact.
         """
         crossings = []
         for mesh, code in enumerate(contact_codes.tolist()):
             backlash_ratio = self.problem.backlashes[mesh]
             if code == NO_CONTACT:
+                # Contact on the drive flank begins as the distance rises, on the coast flank as it
+                # falls.
                 crossings.append(FlankCrossing(mesh, DRIVE_FLANK, direction=1, code_after=DRIVE))
                 if backlash_ratio < math.inf:
                     crossing = FlankCrossing(mesh, COAST_FLANK, direction=-1, code_after=COAST)
@@ -113,10 +125,16 @@ class Split(Run):
         return crossings
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
-        """Integrate over the whole span from a state at phase 0; return (final state, status)."""
+        """Integrate over the whole run from a state at phase 0; return (final state, status).
+
+        The run is split at switches of stiffness, which bound segments of a mesh period, and at
+        changes of contact. The status is OK, JAMMED, OVERFLOW, or the reason why a segment failed.
+        """
         problem, contact_codes = self.problem, self.initial_contact_codes
         if problem.is_jammed(0.0, state):
             return state, status.JAMMED
+        # A state that starts on a flank is moved off it, since an event function must not start at
+        # zero.
         for crossing in self.possible_crossings(contact_codes):
             mesh, flank, direction, _ = crossing
             if problem.flank_distances(0.0, state)[flank][mesh] == 0.0:
@@ -137,11 +155,12 @@ class Split(Run):
         return state, status.OK
 
     def _integrate_segment(self, period, segment, start, end, state, contact_codes) -> tuple:
-        """Integrate over one stiffness segment; return (state, contact codes, status).
+        """Integrate over one segment of constant stiffness; return (state, contact codes, status).
 
         `segment` is the index of the segment, and its phases `start` and `end` count from the start
-        of mesh period `period`. `contact_codes` has the shape (m,). A mesh period with more than
-        `max_events` arcs ends the run with EVENT_LIMIT.
+        of mesh period `period`. `contact_codes`, (m,), are 1 (drive flank), 0 or -1 (coast flank)
+        for each mesh. Each turn solves one arc, up to a flank crossing or the end. A mesh period
+        with more than `max_events` arcs ends the run with EVENT_LIMIT.
         """
         t, period_start = start, self._excitation_phase(period)
         crossings = self.possible_crossings(contact_codes)
@@ -173,8 +192,9 @@ class Split(Run):
     def _cross(self, period: int, t: float, state, contact_codes, crossing) -> np.ndarray:
         """Move a state just beyond the flank that it crosses; return the new contact codes.
 
-        The state changes in place. The phase t is counted from the start of mesh period `period`.
-        `contact_codes`, shape (m,), are the codes before the `FlankCrossing` `crossing`.
+        The state changes in place, because an event function must not start at zero. The phase t is
+        counted from the start of mesh period `period`. `contact_codes`, shape (m,), are the codes
+        before the `FlankCrossing` `crossing`.
         """
         mesh, flank, direction, code_after = crossing
         phase = self._excitation_phase(period) + t

@@ -56,9 +56,10 @@ class StepControl(NamedTuple):
 def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
     """Return (x, v) after a Runge-Kutta step of length h from displacement x and velocity v.
 
-    The step starts at phase t. `stages`, shape (7, 2), holds the derivatives (x', x'') at the
-    stages: the first row is an input, the others are filled. `excitation` is (segment bounds,
-    stiffness lines, stiffness harmonics, force harmonics), see `acceleration_at`.
+    The step starts at the mesh phase t. `stages`, shape (7, 2), holds the derivatives (x', x'') at
+    the stages: the first row is an input, the others are filled. `excitation` is (segment bounds,
+    stiffness lines, stiffness harmonics, force harmonics), which describe mesh stiffness and
+    external force.
     """
     segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics = excitation
     new_x, new_v = x, v
@@ -79,6 +80,7 @@ def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
             new_x,
             new_v,
         )
+    # The last stage is the state at the end of the step.
     return new_x, new_v
 
 
@@ -87,8 +89,10 @@ def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
     """Return the relative error of a step of length h, which the step control compares with rtol.
 
     The step leads from (x, v) to (new_x, new_v). `stages`, shape (7, 2), holds the derivatives (x',
-    x'') at the stages, and `control` is the `StepControl`.
+    x'') at the stages, and `control` is the `StepControl` with the tolerances. The error is the
+    difference between the results of order 5 and 4.
     """
+    # Below this magnitude of a component the absolute tolerance is decisive.
     threshold = control.atol / control.rtol
     x_error, v_error = 0.0, 0.0
     for j in range(7):
@@ -101,10 +105,10 @@ def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
 
 @inlined_kernel
 def _first_step(control: StepControl, end: float, x: float, v: float, a: float) -> float:
-    """Return the length that ode45 chooses for the first step.
+    """Return the length that MATLAB's ode45 chooses for the first step.
 
     The run starts at phase 0 from displacement x and velocity v, with acceleration a, and ends at
-    the phase `end`.
+    the phase `end`. The faster the state changes relative to its size, the shorter is the step.
     """
     threshold, rtol = control.atol / control.rtol, control.rtol
     inverse_step = max(abs(v) / max(abs(x), threshold), abs(a) / max(abs(v), threshold))

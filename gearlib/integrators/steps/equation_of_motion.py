@@ -39,7 +39,10 @@ class ContactLaw(NamedTuple):
 
 
 def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLaw:
-    """Return the contact law of a nonlinear mesh, smoothed if `sharpness` is positive."""
+    """Return the contact law of a nonlinear mesh, smoothed if `sharpness` is positive.
+
+    A `ContactLaw` holds damping and stiffness coefficients in plain floats.
+    """
     arrays = mesh.drive_damping, mesh.backlash_damping, mesh.coast_damping, mesh.stiffness_powers
     drive, free, coast, stiffness = (tuple(coefficients.tolist()) for coefficients in arrays)
     is_linear = not any((*drive[1:], *free[1:], *coast[1:], *stiffness))
@@ -89,7 +92,8 @@ def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
 def contact_forces(contact_law: ContactLaw, contact_code: int, x: float, v: float) -> tuple:
     """Return (elastic force over stiffness g, damping force) without smoothing.
 
-    x is the displacement and v the velocity of the mesh; the contact code determines the flank.
+    x is the displacement and v the velocity of the mesh. The contact code, 1 (drive flank), 0 (no
+    contact) or -1 (coast flank), determines the flank and the damping.
     """
     is_touching, contact_x, damping = contact_terms(contact_law, contact_code)
     g = is_touching * _force_over_stiffness(contact_law, x - contact_x)
@@ -101,7 +105,7 @@ def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
     """Return (elastic force over stiffness g, contact factor H1 + H2) of the smoothed contact law.
 
     H1 and H2 change smoothly from 0 to 1 where the displacement x comes into contact on the drive
-    side and on the coast side.
+    side and on the coast side. They replace the switches of an exact contact law.
     """
     sharpness, drive_x = contact_law.sharpness, contact_law.drive_x
     coast_x, h2 = contact_law.coast_x, 0.0
@@ -118,8 +122,8 @@ def force_and_acceleration(contact_law, contact_code, stiffness, external_force,
     """Return (elastic mesh force over stiffness g, acceleration x'') at displacement x, velocity v.
 
     `stiffness` and `external_force` are values at the present phase. A smoothed contact law ignores
-    the contact code; only gear pairs have such a law, with equal damping of both flanks and without
-    ground stiffness.
+    the contact code (1 drive flank, 0 none, -1 coast flank); only gear pairs have such a law, with
+    equal damping of both flanks and without ground stiffness.
     """
     if contact_law.sharpness > 0.0:
         g, contact_factor = _smoothed_contact(contact_law, x)
@@ -135,7 +139,8 @@ def force_and_acceleration(contact_law, contact_code, stiffness, external_force,
 def acceleration(contact_law, stiffness, external_force, x: float, v: float) -> float:
     """Return the acceleration x'' at displacement x, which determines the contact, and velocity v.
 
-    `stiffness` and `external_force` are values at the present phase.
+    `stiffness` and `external_force` are values at the present phase. `contact_law` (`ContactLaw`)
+    has the flank positions and the coefficients of damping and stiffness.
     """
     if contact_law.is_simple:
         # The general branch would take twice as long, which would distort timings of methods.
@@ -145,6 +150,7 @@ def acceleration(contact_law, stiffness, external_force, x: float, v: float) -> 
         if x <= contact_law.coast_x:
             return external_force - damping * v - stiffness * (x - contact_law.coast_x)
         return external_force - contact_law.backlash_damping[0] * v
+    # The second of the two results is the acceleration.
     contact_code = contact_code_at(contact_law, x)
     return force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v)[1]
 
@@ -171,10 +177,12 @@ def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, phase_shift)
     """Return the mesh stiffness at a phase from 0 to 2 pi: a line on each segment plus harmonics.
 
     If the stiffness jumps at the phase, the small `phase_shift` selects the segment after it (> 0)
-    or before it (< 0). `stiffness_lines`, shape (m, 2), has rows (start value, slope);
-    `segment_bounds` has the shape (m + 1,); `harmonics` has rows (order, cosine, sine coefficient).
+    or before it (< 0). `stiffness_lines`, shape (m, 2), has rows (start value, slope), one per
+    segment; `segment_bounds` has the shape (m + 1,); `harmonics` has rows (order, cosine, sine
+    coefficient).
     """
     shifted_phase = phase + phase_shift
+    # Phases before 0 and beyond 2 pi belong to the neighbouring mesh periods, which are equal.
     if shifted_phase < 0.0:
         shifted_phase += 2.0 * math.pi
     elif shifted_phase >= 2.0 * math.pi:
@@ -192,12 +200,13 @@ def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, phase_shift)
 def acceleration_at(
     segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics, contact_law, t, x, v
 ) -> float:
-    """Return the acceleration x'' at the phase t, displacement x and velocity v.
+    """Return the acceleration x'' at the mesh phase t, displacement x and velocity v.
 
     The displacement determines the contact. The mesh stiffness is a line (start value, slope) on
     each segment plus harmonics, and the external force is a sum of harmonics; harmonics have the
     columns order, cosine, sine coefficient.
     """
+    # The phase within the mesh period, from 0 to 2 pi.
     phase = t - 2.0 * math.pi * math.floor(t * (0.5 / math.pi))
     stiffness = stiffness_at(
         segment_bounds, stiffness_lines, stiffness_harmonics, phase, SAME_PHASE_TOLERANCE
@@ -207,9 +216,10 @@ def acceleration_at(
 
 @kernel
 def mesh_acceleration(contact_law, mesh: NonlinearMesh, t: float, x: float, v: float) -> float:
-    """Return the acceleration x'' of one mesh at the phase t, displacement x and velocity v.
+    """Return the acceleration x'' of one mesh at the mesh phase t, displacement x and velocity v.
 
-    The displacement determines the contact and so the stiffness of the drive or the coast flank.
+    The displacement determines the contact and so the stiffness of the drive or the coast flank. A
+    smoothed contact law (sharpness > 0) has one stiffness for both.
     """
     if contact_law.sharpness == 0.0 and x <= contact_law.coast_x:
         lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
@@ -221,11 +231,13 @@ def mesh_acceleration(contact_law, mesh: NonlinearMesh, t: float, x: float, v: f
 
 @inlined_kernel
 def _segment_stiffness(segment_bounds, stiffness_lines, harmonics, segment, t) -> float:
-    """Return the mesh stiffness at the phase t on a segment.
+    """Return the mesh stiffness at the mesh phase t on a segment.
 
-    Rounding may put t just before the start of the segment. `stiffness_lines`, shape (m, 2), has
-    the start value and the slope of each of the m segments, and `segment_bounds` has their bounds.
+    The stiffness is a line on each segment plus harmonics. `stiffness_lines`, shape (m, 2), has the
+    start value and the slope of each of the m segments, and `segment_bounds` has their bounds.
     """
+    # Rounding may put t just before the start of the segment; without the shift by 1e-6 the
+    # remainder would then be almost 2 pi.
     offset = (t - segment_bounds[segment] + 1e-6) % (2.0 * math.pi) - 1e-6
     line_value = stiffness_lines[segment, 0] + stiffness_lines[segment, 1] * offset
     return line_value + harmonic_sum(harmonics, t)
@@ -237,8 +249,8 @@ def forces_and_accelerations(
 ) -> np.ndarray:
     """Return (mesh stiffness, elastic force over stiffness, x'') of states (k, 2), shape (k, 3).
 
-    Phases, segments of the stiffness and contact codes have the shape (k,). A smoothed contact law
-    ignores the contact codes.
+    A state is (x, x'). Phases, indices of stiffness segments and contact codes (1 drive flank, 0
+    none, -1 coast flank) have the shape (k,). A smoothed contact law ignores the contact codes.
     """
     # Each attribute access changes reference counts, so the loop uses local names.
     bounds, force_harmonics = mesh.segment_bounds, mesh.force_harmonics
@@ -262,12 +274,12 @@ def forces_and_accelerations(
 
 @kernel
 def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.ndarray:
-    """Return d(state)/dtau of a gear train at the phase t; the state determines the contacts.
+    """Return d(state)/dtau of a gear train at the mesh phase t; the state determines the contacts.
 
-    The state, shape (2 N,), holds displacements, then velocities by theta. In `system`, `starts`
-    bounds the stiffness segments; the rows of `drive_lines` and `coast_lines`, (m, n), times the
-    full state, which includes the constant 1 and the harmonics, are the distances of the m meshes
-    from their flanks.
+    The state, shape (2 N,), holds displacements, then velocities by theta, the dimensionless time.
+    In `system`, `starts` bounds the stiffness segments; the rows of `drive_lines` and
+    `coast_lines`, (m, n), times the full state, which includes the constant 1 and the harmonics,
+    are the distances of the m meshes from their flanks.
     """
     size = state.shape[0]
     full_state, derivative = np.empty(system.base_matrix.shape[0]), np.empty(size)
@@ -293,16 +305,17 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
             for i in range(size):
                 derivative[i] += system.force_input[mesh, force_case, k, i] * force
     for i in range(size):
+        # The system has derivatives by theta; the tuning is dtau/dtheta.
         derivative[i] /= system.tuning
     return derivative
 
 
 @kernel
 def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndarray) -> bool:
-    """Return whether both flanks of a mesh touch at once in a state at the phase t.
+    """Return whether both flanks of a mesh touch at once in a state at the mesh phase t.
 
     `may_jam` is a mask of the meshes in which both flanks can touch. The state, shape (2 N,), holds
-    displacements, then velocities by theta.
+    displacements, then velocities by theta, the dimensionless time.
     """
     if not may_jam.any():
         return False
@@ -323,8 +336,8 @@ def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndar
 def set_harmonics_of_states(frequencies: np.ndarray, states: np.ndarray, phases: np.ndarray):
     """Set the constant 1 and the harmonics in full states, after their coordinates and velocities.
 
-    `states`, shape (k, n), are at the `phases`, shape (k,); `frequencies`, shape (h,), are by
-    phase.
+    `states`, shape (k, n), are at the mesh `phases`, shape (k,). `frequencies`, shape (h,), of the
+    harmonics are relative to the mesh frequency.
     """
     for i in range(phases.shape[0]):
         set_harmonics(frequencies, states[i], phases[i])

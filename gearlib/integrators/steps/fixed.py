@@ -57,6 +57,7 @@ def tabulate_excitation(mesh: NonlinearMesh, steps: int, middle_fraction: float)
     for k in range(steps):
         for column, fraction in enumerate((0.0, middle_fraction, 1.0)):
             phase = 2.0 * math.pi * ((k + fraction) / steps)
+            # At a jump of the stiffness, a step that ends there takes the value before it.
             shift = -SAME_PHASE_TOLERANCE if fraction == 1.0 else SAME_PHASE_TOLERANCE
             stiffness[k, column] = stiffness_at(
                 mesh.segment_bounds, mesh.stiffness_lines, mesh.stiffness_harmonics, phase, shift
@@ -71,8 +72,8 @@ def tabulate_excitation(mesh: NonlinearMesh, steps: int, middle_fraction: float)
 def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
     """Return (x, v) after a step of length h of the classical Runge-Kutta method.
 
-    `stiffness` and external `force` each hold the values at the start, the middle and the end of
-    the step.
+    `contact_law` has the flank positions and coefficients of damping and stiffness. `stiffness` and
+    external `force` each hold the values at the start, the middle and the end of the step.
     """
     half_step = 0.5 * h
     a1 = acceleration(contact_law, stiffness[0], force[0], x, v)
@@ -91,9 +92,10 @@ def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle
     """Return the acceleration at the end of a generalised-alpha step with frozen contact.
 
     `start`, (x, v, a), is the state at the start of the step of length h; it determines the
-    contact, the secant stiffness and the secant damping. `middle` is (x, v) of the middle state for
-    zero acceleration at the end. Mesh `stiffness` and external `force` are values at the middle
-    state.
+    contact, the secant stiffness and the secant damping (force over displacement or velocity), so
+    that the equation is linear. The method demands the equation of motion at a middle state in the
+    step; `middle` is its (x, v) for zero acceleration at the end. Mesh `stiffness` and external
+    `force` are values there. `scheme` has the constants of the method.
     """
     start_x, start_v, start_a = start
     middle_x, middle_v = middle
@@ -116,9 +118,10 @@ def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle
 def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> tuple:
     """Return (acceleration at the end of a step, iterations, convergence) by Newton's method.
 
-    `scheme` is generalised-alpha, and h is the length of the step. `start`, (x, v, a), is the state
-    at its start, and `middle` is (x, v) of the middle state for zero acceleration at the end. Mesh
-    `stiffness` and external `force` are values at the middle state.
+    `scheme` is generalised-alpha, which demands the equation of motion at a middle state in the
+    step of length h. `start`, (x, v, a), is the state at its start, and `middle` is (x, v) of the
+    middle state for zero acceleration at the end. Mesh `stiffness` and external `force` are values
+    there.
     """
     start_x, start_v, start_a = start
     middle_x, middle_v = middle
@@ -142,6 +145,7 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
         term_magnitude += tangent_stiffness * (
             abs(x) + deflection + abs(start_x) + h * abs(start_v)
         )
+        # The rest of the residual is rounding.
         if abs(residual) <= _RESIDUAL_TOLERANCE * term_magnitude:
             return a, iterations, True
         a -= residual / (1.0 - alpha_m + tangent_damping * dv_da + tangent_stiffness * dx_da)
@@ -165,8 +169,9 @@ def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start
     """Return (x, v, a, evaluations, converged) after a step of the generalised-alpha method.
 
     The step of length h leads from (start_x, start_v, start_a). Mesh `stiffness` and external
-    `force` are values at the fraction 1 - alpha_f of the step. The accelerations belong to the
-    method; they do not obey the equation of motion at step ends.
+    `force` are values at the fraction 1 - alpha_f of the step. The accelerations are variables of
+    the method; they do not obey the equation of motion at step ends. `scheme` has the method's
+    constants.
     """
     fraction = 1.0 - scheme.alpha_f
     # The middle state is linear in a; this is the state for a = 0.
@@ -180,6 +185,7 @@ def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start
         )
     else:
         a = _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle)
+    # Newmark's formulas with the acceleration a at the end.
     x = start_x + h * (start_v + h * ((0.5 - scheme.beta) * start_a + scheme.beta * a))
     v = start_v + h * ((1.0 - scheme.gamma) * start_a + scheme.gamma * a)
     return x, v, a, evaluations, converged
@@ -190,9 +196,9 @@ def take_steps(contact_law, scheme: Scheme, excitation: tuple, a: float, states)
     """Take k steps from the start of a mesh period; return (status, evaluations, acceleration).
 
     The first row of `states`, shape (k + 1, 2), is the initial state; the other rows are filled.
-    `excitation` comes from `tabulate_excitation`. a is the acceleration of generalised-alpha at the
-    initial state, or NaN if it follows from the equation of motion; the acceleration at the last
-    state is returned.
+    `excitation` comes from `tabulate_excitation`: (stiffness, external force, jump mask) of each
+    step of a period. a is the acceleration of generalised-alpha at the initial state, or NaN if it
+    follows from the equation of motion; the acceleration at the last state is returned.
     """
     stiffness, force, has_jump = excitation
     steps = stiffness.shape[0]
@@ -233,6 +239,7 @@ def take_train_steps(system, may_jam, period, steps, states, max_component) -> t
     h = 2.0 * math.pi / steps
     for i in range(states.shape[0] - 1):
         t, z = 2.0 * math.pi * (period + i // steps) + (i % steps) * h, states[i]
+        # Each step takes four evaluations of the derivative.
         rate_1 = train_derivative(system, t, z)
         rate_2 = train_derivative(system, t + h / 2.0, z + h / 2.0 * rate_1)
         rate_3 = train_derivative(system, t + h / 2.0, z + h / 2.0 * rate_2)
