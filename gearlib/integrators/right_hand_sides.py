@@ -279,8 +279,7 @@ class PiecewiseLinear(_RightHandSide):
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
         """Return (state, contact codes) at phase 0 for an initial state of the model.
 
-        The state has velocities by mesh phase; contact codes are 1 (drive flank), 0 or -1 (coast
-        flank).
+        Contact codes are 1 (drive flank), 0 (no contact) or -1 (coast flank).
         """
         # The state of the system is the state of the propagator times `propagator.scale`. It is
         # also z times `state_scale`.

@@ -343,7 +343,7 @@ class Run:
         start, end = t.tolist()
         intervals = []
         while code != final_code:
-            # With backlash, there are two changes from one flank to the other, with no contact between.
+            # With backlash, contact is lost before the other flank comes into contact.
             next_code = next_contact_code(code, final_code, self.problem.backlashes[mesh])
             flank = DRIVE_FLANK if DRIVE in (code, next_code) else COAST_FLANK
             start_distance, end_distance = distances[:, flank].tolist()
