@@ -52,7 +52,7 @@ def _extend_downwards(sweep, longest_sweep):
     has_same_end = np.array_equal(tunings, all_tunings[-tunings.size :])
     if longest_sweep.direction != "down" or not has_same_end:
         return sweep
-    # Integer variables cannot be NaN. The period 0 means a motion that has not settled.
+    # Integer variables cannot be NaN. The period 0 means a motion that is not periodic.
     fill_values = {"period": np.int32(0), "status": np.int8(status.NO_START)}
     extended = sweep.reindex(tuning=all_tunings, fill_value=fill_values)
     # Scales such as the speed depend only on the tuning and are known without a run.

@@ -11,7 +11,10 @@ MAX_RELATIVE_DISPLACEMENT = 1e3
 
 
 def float_array(numbers):
-    """Return numbers as an array of floats, or an empty array if they are not all numbers."""
+    """Return numbers as an array of floats, or an empty array if they are not all numbers.
+
+    `numbers` is a number or a sequence. The caller can reject an empty array with its own message.
+    """
     try:
         array = np.asarray(numbers)
         # Bool and text arrays do not count as numbers; object arrays may hold numbers.
@@ -83,15 +86,15 @@ def period_spread(run):
 
 
 def describe_unsettled(run):
-    """Return the phrase that a run has not settled, with the number of mesh periods followed."""
+    """Return a phrase that a run has not become periodic, with the mesh periods followed."""
     return f"not settled after {int(run.followed)} mesh periods"
 
 
 def describe_settling(run):
-    """Return a phrase on the periodic orbit on which a run settles after its record.
+    """Return a phrase on the periodic orbit that a run reaches after its record.
 
     `run` is a result of `gearlib.simulate`. Its variable `period` is the number of mesh periods
-    after which the motion repeats, 0 if it has not settled.
+    after which the motion repeats, 0 if it has not settled, that is, become periodic.
     """
     period = int(run.period)
     if period == 0:
@@ -104,7 +107,7 @@ def describe_steadiness(run):
     """Return a phrase on whether the mesh periods of a run coincide in a plot, and how it settles.
 
     `run` is a result of `gearlib.simulate`; its `period` is the number of mesh periods after which
-    the settled motion repeats.
+    the motion repeats once it has settled, that is, become periodic.
     """
     settling = describe_settling(run)
     if period_spread(run) > LINE_WIDTH:
@@ -147,7 +150,7 @@ def describe(run, start="rest"):
         return run.status.attrs["message"]
     period = int(run.period)
     if period == 0:
-        motion = f"has {describe_unsettled(run)}"  # 0: the motion has not settled
+        motion = f"has {describe_unsettled(run)}"  # It has not become periodic.
     elif period == 1:
         motion = "repeats every mesh period"
     else:

@@ -46,7 +46,10 @@ def stacked(axes, function, *array_dims):
     grid_shape = tuple(len(values) for values in axes.values())
 
     def stack(name):
-        """Return (dims, values) of the variable `name`, with the dimensions of the grid first."""
+        """Return (dims, values) of the variable `name`, with the dimensions of the grid first.
+
+        Values that are strings become an array of objects.
+        """
         dtype = object if isinstance(results[0][name], str) else None
         values = np.array([variables[name] for variables in results], dtype)
         # The first axis of `values` is the number of the grid point.
@@ -98,9 +101,10 @@ def result_of_many(title, data, coords, method=None, /, **attributes):
 
 
 def _origin(title, method):
-    """Return the attributes that all datasets have: CF version, title and source.
+    """Return the attributes that all datasets have: CF version, `title` and source.
 
-    The source names the version of the library and `method`, the method of computation or None.
+    The source is the version of the library and, if it is not None, `method`, the method of
+    computation. CF is a convention for the metadata of netCDF files.
     """
     source = f"gearlib {__version__}, method {method}" if method else f"gearlib {__version__}"
     return {"Conventions": "CF-1.11", "title": title, "source": source}

@@ -246,6 +246,7 @@ class LoadSharingPair(WithPair):
         numpy.ndarray, shape (m, k)
             Forces in N of the k pairs; the first pair came into mesh last.
         """
+        # Phases are counted in base pitches from the start of contact, displacements in m.
         pairs = self._pairs(np.asarray(phase, float) / math.tau + self._phase_offset)
         displacement = np.asarray(displacement, float) * self.static_deflection
         return pairs.forces_at_displacement(displacement).force[0]

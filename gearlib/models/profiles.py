@@ -302,6 +302,7 @@ class Tabulated(Profile):
                 table = cls(*_csv_columns(path, (phase, stiffness)))
             else:
                 table = cls(*_netcdf_columns(path, (phase, stiffness)))
+            # The largest distance between two neighbouring phases of the closed period.
             gap = float(np.diff(table._closed_period()[0]).max())
             # Rounded phases of two opposite points leave half of the period.
             if gap > math.pi + 1e-3:
@@ -324,7 +325,9 @@ class Tabulated(Profile):
     def ratios(self) -> tuple[float, float, float]:
         """Return (max_stiffness, stiffness_ratio, contact_ratio) of an equivalent rectangle.
 
-        The rectangle has the same extrema and the same mean as the table.
+        The rectangular stiffness has the same largest and smallest value and the same mean as the
+        table: the fraction contact_ratio - 1 of the period has the largest value, the rest
+        stiffness_ratio times that.
         """
         high, low, mean = max(self.stiffness), min(self.stiffness), self.mean()
         if high == low:  # The stiffness is constant with any contact ratio.

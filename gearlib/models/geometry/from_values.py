@@ -137,6 +137,7 @@ def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
     gears = (sun, planet, ring)
     if not all(isinstance(gear, SpurGear) for gear in gears):
         return
+    # Only gears with teeth of one size can mesh, so that the formula for the ring teeth holds.
     tooth_sizes = {(gear.module, gear.pressure_angle, abs(gear.helix_angle)) for gear in gears}
     ideal_ring_teeth = sun.teeth + 2 * planet.teeth
     shifted = centre_distance is not None or any(gear.shift for gear in gears)

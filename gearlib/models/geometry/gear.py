@@ -92,7 +92,7 @@ class Rack:
     ] = 0.38
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless the tip radius is smaller than the dedendum."""
+        """Raise ValueError unless the radius of the rack's tip is smaller than its dedendum."""
         allowed = f">= 0 and below the dedendum, {self.dedendum}"
         valid = self.tip_radius < self.dedendum
         checks.require(valid, "tip_radius", self.tip_radius, allowed)
@@ -180,7 +180,10 @@ class PathTable:
     ]
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless positions increase strictly and each position has a value."""
+        """Raise ValueError unless positions increase strictly and each position has a value.
+
+        The table must have at least one point.
+        """
         if len(self.position) != len(self.value) or not self.position:
             table = f"a table of {len(self.position)} positions and {len(self.value)} values"
             raise ValueError(f"{table} is not allowed: it must have equally many, at least 1")

@@ -409,7 +409,8 @@ class GearStage:
     def recommended_backlash(self) -> float:
         """Smallest normal backlash for steel in steel or iron housings, m; ISO/TR 10064-2.
 
-        It is 2/3 (0.06 + 0.0005 a + 0.03 m_n), all in mm.
+        It is 2/3 (0.06 + 0.0005 a + 0.03 m_n), with the centre distance a and the normal module
+        m_n, all in mm.
         """
         return 2.0 / 3.0 * (6e-5 + 0.0005 * self.centre_distance + 0.03 * self.pinion.module)
 
@@ -448,7 +449,10 @@ class GearStage:
         return mesh_stiffness(self, method, **options)
 
     def with_reliefs(self, pinion: TipRelief | None, wheel: TipRelief | None) -> "GearStage":
-        """Return a copy of the stage with new tip reliefs of both gears; None: no tip relief."""
+        """Return a copy of the stage with other tip reliefs.
+
+        The arguments are those of both gears; None means that a gear has no tip relief.
+        """
         return replace(
             self,
             pinion=replace(self.pinion, tip_relief=pinion),

@@ -386,11 +386,12 @@ def corner_contact_lengths(stage, corner_contact, load, pitch_errors) -> tuple[f
 
 
 def corner_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
-    """Return the gap of tip corners beyond the path of contact in m; on the path it is 0.
+    """Return the gap between tip corners and flanks beyond the path of contact in m; on it 0.
 
     Before the start of the path, the tip corner of the wheel approaches the flank of the pinion;
-    behind its end, the tip corner of the pinion leaves the flank of the wheel. `position`, in m, is
-    where the involutes would touch if they were longer.
+    behind its end, the tip corner of the pinion leaves the flank of the wheel. `position`, in m
+    along the line of action, is where the involutes would touch if they were longer. Far from the
+    path the gap is constant.
     """
     start, end = stage.path
     max_distance = _MAX_CORNER_DISTANCE * stage.base_pitch
@@ -403,7 +404,8 @@ def _gap_to_corner(stage: "GearStage", flank_name: str, position: np.ndarray) ->
     """Return the gap in m between the flank of a gear and the tip corner of its mating gear.
 
     `flank_name` is "pinion" or "wheel", the gear with the flank. `position`, in m, is the point on
-    the line of action at which the involutes would touch if they were longer.
+    the line of action at which the involutes would touch if they were longer. The gap is an angle
+    about the axis of the gear with the flank, times its base radius.
     """
     # The x axis points from the axis of the gear with the flank to the pitch point. A ring gear has
     # the sign -1, because it turns in the same direction as the pinion.
@@ -422,6 +424,7 @@ def _gap_to_corner(stage: "GearStage", flank_name: str, position: np.ndarray) ->
     # The position of the corner from the axis of the gear with the flank.
     x = centre - sign * tip_radius * np.cos(corner_angle)
     y = -sign * tip_radius * np.sin(corner_angle)
+    # The angle between the corner and the point of the flank at the same radius.
     flank_angle = np.arccos(base_radius / np.hypot(x, y))
     involute = np.tan(flank_angle) - flank_angle
     gap_angle = np.arctan2(y, x) - (rotation + inv(angle) - involute)

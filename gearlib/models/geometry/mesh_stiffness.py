@@ -109,6 +109,7 @@ class Tooth:
         angle = inv(gear.transverse_pressure_angle)
         # Half the angle of the tooth at the base circle, ISO 21771.
         self.base_half_angle = gear.tooth_thickness / gear.reference_diameter + self.sign * angle
+        # Phi is a radius of curvature over the base radius; here the involute starts.
         self.form_phi = gear.form_roll_length / self.base_radius
         self._fillet: Any = None  # x, y and quadrature weights of integrals over y, in m
         if not gear.internal:
@@ -206,10 +207,12 @@ class Tooth:
         x, y, _ = self.fillet(math.pi / 2.0)
         theta = float(np.arctan2(x, y))  # half the angle of the tooth at its root
         if not self.gear.bore:
+            # Cornell's half plane in plane stress.
             poisson = self.gear.material.poisson
             L, M, P = 16.67 / math.pi, 2.0 * (1.0 - poisson), 1.534
             Q = 1.0 / (2.4 * (1.0 + poisson))
         else:
+            # The polynomials in theta and h that Sainsot et al. fitted.
             h = self.root_radius / self._bore_radius
             powers = np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
             L, M, P, Q = _BODY_COEFFICIENTS @ powers

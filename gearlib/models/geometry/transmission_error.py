@@ -155,8 +155,9 @@ def _helical_equilibrium(stage, phases, loads, options) -> tuple[ToothPairs, Loa
 def _contact_ratios(stage, pairs, equilibrium, phases) -> list[float]:
     """Return the effective contact ratio, the mean number of touching pairs, at each load.
 
-    `pairs` are the `ToothPairs` of spur gears at equally spaced phases, `phases` of them in each
-    mesh period, and `equilibrium` is their `LoadSharing` under the loads.
+    `pairs` are the `ToothPairs`, k pairs of teeth of spur gears at equally spaced phases, `phases`
+    of them in each mesh period, and `equilibrium` is their `LoadSharing`, the forces under the
+    loads.
     """
     # The overlap is positive where a pair touches.
     overlap = np.where(pairs.can_touch, pairs.overlap(equilibrium), -math.inf)
@@ -314,6 +315,7 @@ def optimum_relief(
         fine_pairs = pairs_at_most(_DESCENT_PHASES)
 
         def range_of_error(variables):
+            """Return the peak-to-peak error of one point of the variables."""
             return float(np.ptp(errors([variables], fine_pairs)))
 
         minima = [_descend(range_of_error, points[index], bounds) for index in start_indices]
@@ -355,10 +357,10 @@ def _optimum_of_helical(
     deflection = float(unrelieved.transmission_error.mean())
 
     def relieved_stage(variables):
-        """Return the stage with the tip reliefs that two or three dimensionless variables define.
+        """Return the stage with the tip reliefs that dimensionless variables define.
 
-        They are both amounts over the `deflection` and, unless there is a `fixed_length`, the
-        length over `max_length`.
+        The first two `variables` are the amounts for (pinion, wheel) over the mean `deflection`.
+        Unless there is a `fixed_length`, the third is the length of both reliefs over `max_length`.
         """
         length = float(max_length * variables[2]) if fixed_length is None else fixed_length
         reliefs = []
@@ -368,6 +370,7 @@ def _optimum_of_helical(
         return stage.with_reliefs(*reliefs)
 
     def relative_error(variables):
+        """Return the peak-to-peak transmission error over the mean `deflection`."""
         relieved = relieved_stage(variables).transmission_error(torque, phases=phases, **options)
         return relieved.peak_to_peak_error.item() / deflection
 
