@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from matplotlib.testing.compare import compare_images
+from matplotlib.testing.exceptions import ImageComparisonFailure
 
 from gearlib.data import variables
 from tests.golden import data
@@ -69,7 +70,11 @@ def difference(name, pictures, folder=FOLDER):
     """Return how a picture differs from the stored one of its name, or None if it does not."""
     if name not in stored(folder):
         return f"{name}: new"
-    return compare_images(folder / f"{name}.png", pictures / f"{name}.png", tol=MAX_DIFFERENCE)
+    paths = folder / f"{name}.png", pictures / f"{name}.png"
+    try:
+        return compare_images(*paths, tol=MAX_DIFFERENCE)
+    except ImageComparisonFailure as error:  # The pictures have different sizes.
+        return f"{name}: {error}"
 
 
 def renew(pictures, folder=FOLDER):
