@@ -53,15 +53,14 @@ def main():
 def gear_command(
     name, option_names, dimension, motion="sweep", arguments=(), prepare=None, rectangle=False
 ):
-    """Return a decorator that makes the command `name` of a function.
+    """Return a decorator that turns a function into the command `name`.
 
-    The function is called with gears (`cli.gears.Gears`), their model, and the values of the
-    options. It returns a dataset and a function that plots it with `gearlib.plot`. A table written
-    to a file has a row for each entry of `dimension`. `motion` is "one speed", "sweep" or, for
-    trains at rest, "none". `option_names` is a text with the names of the options, separated by
-    spaces; `arguments` are additional click parameters. `prepare` is a function that changes the
-    dict of option values in place. With `rectangle` pairs of teeth are replaced by a rectangular
-    stiffness.
+    It calls the function with `Gears`, their model and the option values; the function returns a
+    dataset and a function that draws it with `gearlib.plot`. `option_names` is a string of names
+    separated by spaces, `arguments` are additional click parameters, and `prepare` may change the
+    dict of option values in place. A written table has one row per entry of `dimension`. `motion`
+    is "one speed", "sweep" or, for gear trains at rest, "none". If `rectangle` is true, a mesh
+    stiffness that alternates between two values replaces the model of single pairs of teeth.
     """
 
     def run(function, values):
@@ -82,6 +81,7 @@ def gear_command(
         model = gears.model(pitch_errors=motion != "sweep")
         description = gears.description(model)
         if motion == "one speed":
+            # Without --speed and --tuning the speed of the section `gears` is used.
             speed = values.pop("speed")
             if speed is None and values["tuning"] is None and section:
                 speed = section.speed
@@ -113,13 +113,16 @@ def gear_command(
 
 
 def _note_on_teeth(gears, model, speed):
-    """Return a sentence on the motion of pairs of teeth, for an analysis that needs a rectangle.
+    """Return a sentence on the motion of pairs of teeth, for an analysis of a simpler model.
 
-    `gears` have pairs of teeth, `model` has the rectangle. The `speed` is in rpm; with None it is
-    the speed of the gears or, if they have none, the resonance speed of the model.
+    `gears` are `Gears` whose pairs of teeth deform by themselves. `model` is the simpler model that
+    is analysed, a mesh stiffness that alternates between two values (a rectangle over time). The
+    sentence states contact loss and dynamic factor of `gears` at the `speed` in rpm. With None it
+    is the speed of the gears or, if they have none, the resonance speed of the model.
     """
     from gearlib.analysis.duty_point import duty_point
 
+    # The tuning, mesh frequency over natural frequency, is 1 at resonance.
     speed = speed or gears.geometry.speed or float(model.speed(1.0))
     point = duty_point(gears.model(), speed)
     contact = "lose" if float(point.contact_loss_fraction) > 0.0 else "keep"
@@ -133,7 +136,8 @@ def _note_on_teeth(gears, model, speed):
 def _tuning_range(model, start, stop):
     """Return the first and last tuning of a sweep from the options `start` and `stop`.
 
-    Both are tunings, speeds such as "1500rpm", or None for the defaults 0.5 and 1.4.
+    The tuning is mesh frequency over natural frequency of `model`. Both options are tunings, speeds
+    such as "1500rpm", or None for the default tunings 0.5 and 1.4.
     """
     from gearlib.runs.run_arguments import check_tuning, tuning_at_speed
 
@@ -147,9 +151,10 @@ def _tuning_range(model, start, stop):
 
 
 def _at_largest(dataset, values, dimension):
-    """Return the dataset at the position along `dimension` where the array `values` is largest.
+    """Return the dataset at the position along `dimension` where an array is largest.
 
-    If `values` has the dimension "mesh", the largest over all meshes counts.
+    The array `values` belongs to the dataset and may contain NaN. If it has the dimension "mesh",
+    the largest value over all meshes counts.
     """
     values = values.max("mesh") if "mesh" in values.dims else values
     return dataset.isel({dimension: int(values.fillna(-math.inf).argmax(dimension))})
@@ -161,8 +166,10 @@ def simulate(gears, model, tuning, samples, **settings):
     from gearlib.analysis.duty_point import si_variables
     from gearlib.data.result import result
 
+    # `gears` are not needed; `settings` are the other options in _RUN, arguments of the library.
     settings |= {"tuning": tuning, "samples_per_period": samples}
     run = gearlib.simulate(model, **settings)
+    # If the motion repeats after more mesh periods than were recorded, record its whole period.
     if settings["record_periods"] < int(run.period) <= settings["periods"]:
         run = gearlib.simulate(model, **settings | {"record_periods": int(run.period)})
     output.show(run)
@@ -185,6 +192,7 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
 
     from gearlib.runs import run_arguments, sweeping
 
+    # `settings` are the other options in _SWEEP. The direction "cold" starts each run from rest.
     both_ways = direction is None and gears.kind == "teeth"
     direction = direction or "cold"
     default_start = 0.1 if both_ways else None
@@ -206,7 +214,8 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     else:
         curve = gearlib.sweep(model, grid, direction=direction, **settings)
     failed = int((curve.status != 0).sum())
-    # The displacements of meshes that carry their load on the coast side are negative.
+    # Use the first of these that the dataset has. The displacement is the last choice, because it
+    # is negative for meshes that carry their load on the coast side.
     names = ("dynamic_factor", "peak_force_ratio", "displacement_max")
     name = next(name for name in names if name in curve)
     text = name.replace("_max", "").replace("_", " ")
@@ -216,9 +225,11 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
 
 
 def _sweep_up_and_down(gears, model, tunings, **settings):
-    """Sweep pairs of teeth up and down, and print dynamic factor and transmission error over speed.
+    """Sweep pairs of teeth upward and downward in speed, and print a table of the results.
 
-    Return the dataset and the function that plots it. `settings` are arguments of `over_speed`.
+    The table has dynamic factor K_v and transmission error over the speed. `model` is the model of
+    `gears`, and `tunings` are mesh frequencies over natural frequency. `settings` are arguments of
+    `over_speed`, such as periods. Return (dataset, function that plots it).
     """
     import numpy as np
     import pandas
@@ -230,6 +241,7 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
     curves = over_speed(model, model.speed(np.sort(tunings)), gears.geometry.speed, **settings)
     if not curves.get("complete", True):
         click.echo("The sweeps were stopped after --max-seconds.")
+    # The table has some of the speeds, evenly distributed.
     rows = np.unique(np.linspace(0, curves.tuning.size - 1, _SPEEDS_IN_TABLE).round().astype(int))
     selected_speeds = curves.isel(tuning=rows)
     columns = {"rpm": selected_speeds.speed}
@@ -240,6 +252,7 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
     if "iso_dynamic_factor" in selected_speeds:
         columns["K_v ISO 6336"] = selected_speeds.iso_dynamic_factor
     output.frame(pandas.DataFrame({name: x.values for name, x in columns.items()}).set_index("rpm"))
+    # A speed of a jump is NaN if it lies outside the range.
     jumps = zip(curves.jump_up_speed.values, curves.jump_down_speed.values, strict=True)
     for up, down in jumps:
         jump_texts = []
@@ -258,9 +271,12 @@ def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
     from gearlib.data.motions import largest_force
     from gearlib.runs.run_up import speed_course
 
+    # `gears` are not needed; `settings` are initial_state, driver and max_seconds. A speed course
+    # is a list of points (time in s, speed in rpm).
     start, stop = in_rpm("start", start), in_rpm("stop", stop)
     speed_points = speed_course(start, stop, duration, acceleration).tolist()
     if back:
+        # The way back to the first speed takes the same time.
         speed_points.append([2.0 * speed_points[-1][0], start])
     run = gearlib.run_up(model, speed=speed_points, **settings)
     click.echo(f"{run.revolution.size} revolutions; the revolution of the largest force:")
@@ -273,6 +289,7 @@ def orbit(gears, model, tuning, **settings):
     """Find a periodic orbit and its Floquet multipliers."""
     from gearlib.analysis.orbits.shooting import NoOrbit
 
+    # `gears` are not needed; `settings` are the options period and guess.
     try:
         orbit = gearlib.periodic_orbit(model, tuning, **settings)
     except NoOrbit as error:
@@ -285,6 +302,7 @@ def orbit(gears, model, tuning, **settings):
 @gear_command("trust", "tuning speed initial_state periods max_seconds", "run", motion="one speed")
 def trust(gears, model, tuning, **settings):
     """Check whether chaos at one tuning is real or a numerical artefact, by several runs."""
+    # `gears` are not needed; `settings` are initial_state, periods and max_seconds.
     verdict = gearlib.trust(model, tuning, **settings)
     click.echo(click.wrap_text(f"{verdict.label}: {verdict.message}", output.WIDTH))
     click.echo(f"Lyapunov exponent: {verdict.exponent:.6g} +- {verdict.uncertainty:.2g} per period")
@@ -297,6 +315,7 @@ def trust(gears, model, tuning, **settings):
 @gear_command("modes", "", "mode", motion="none")
 def modes(gears, train):
     """Compute the natural frequencies of the gear train, and the kinds of its modes."""
+    # The first argument, the `Gears` of the command line, is not needed for the `GearTrain`.
     modes = train.modes()
     output.show(modes)
     return modes, lambda plot: plot.values(modes, "natural_frequency")
@@ -305,6 +324,7 @@ def modes(gears, train):
 @gear_command("static", "phase", "mesh", motion="none")
 def static(gears, train, phase):
     """Compute the load sharing of the gear train at rest, with gaps and errors."""
+    # `gears` are not needed; `phase` is the mesh phase in rad at which the `GearTrain` rests.
     equilibrium = train.static(phase)
     output.show(equilibrium)
     return equilibrium, lambda plot: plot.values(equilibrium, "mesh_force")
@@ -313,6 +333,8 @@ def static(gears, train, phase):
 @gear_command("phasing", "count", "stiffness_order", motion="none")
 def phasing(gears, train, count):
     """Find which harmonics of the mesh stiffness, up to --count, excite which modes of a train."""
+    # `gears` are not needed; `train` is a `GearTrain`, `count` the highest stiffness harmonic. A
+    # cell of the table, such as "2 of 3", counts the excited modes of a kind.
     excitations = train.phasing(count)
     table = excitations[["excites", "mode_kind"]].to_dataframe()
     excites = table.groupby(["stiffness_order", "mode_kind"], sort=False).excites
@@ -323,6 +345,7 @@ def phasing(gears, train, count):
 @gear_command("campbell", "count", "mode", motion="none")
 def campbell(gears, train, count):
     """Compute the speeds, rpm, at which mesh frequencies excite a mode, up to the order --count."""
+    # `gears` are not needed; `train` is a `GearTrain`. The table lists the excited modes only.
     diagram = train.campbell(count)
     table = diagram[["critical_speed", "natural_frequency", "mode_kind", "excites"]]
     table = table.to_dataframe().reset_index("stiffness_order")
@@ -341,6 +364,7 @@ def frequencies(speed, **values):
 
     from gearlib.analysis.characteristic_frequencies import frequency_rows
 
+    # `values` are the options that describe the gears, which need no damping here.
     gears = take_gears(values, moves=False)
     speed = in_rpm("speed", speed) or (gears.geometry and gears.geometry.speed)
     if speed is None:
@@ -348,6 +372,7 @@ def frequencies(speed, **values):
     if gears.kind != "train" and gears.geometry is None:
         raise click.UsageError("gears is missing: give their geometry, or --model train")
     model = gears.model() if gears.kind == "train" else gears.geometry.mesh()
+    # The column "of" has the name of the shaft, mesh or other part with the frequency.
     header, *rows = frequency_rows(gearlib.characteristic_frequencies(model, float(speed)))
     output.frame(pandas.DataFrame(rows, columns=header).set_index("of"))
 
@@ -363,6 +388,7 @@ def fmu(path, prescribed_speed, speed, force, **values):
 
     It is for Co-Simulation with FMI 3.0, and contains C sources and a binary for this machine.
     """
+    # The option --output stays in `values`, since an argument `output` would hide the module.
     written = values["output"] or path.with_suffix(".fmu")
     output.check("--output", written, force, (".fmu",))
     settings = {"prescribed_speed": prescribed_speed, "speed": in_rpm("speed", speed) or 0.0}
@@ -371,7 +397,11 @@ def fmu(path, prescribed_speed, speed, force, **values):
 
 
 def _tolerance(text):
-    """Return the section `ToleratedParameter` for a text such as "load std=5%"."""
+    """Return the section `ToleratedParameter` for a string such as "load std=5%".
+
+    The string `text` has the name of a parameter, then assignments of mean, std and the like, or of
+    `distribution` (a name in scipy.stats) and its shape parameters.
+    """
     name, *assignments = text.split() or [""]
     value_texts = dict(x.split("=") for x in assignments if x.count("=") == 1)
     # Repeated keys, and assignments without a single "=", leave fewer texts than assignments.
@@ -387,6 +417,7 @@ def _tolerance(text):
             key for key in section.model_fields if key not in ("parameter", "shape")
         )
         raise click.UsageError(f"--tolerance {text!r} must have keys of {known_keys}")
+    # The values are checked later, when the unit of the parameter is known.
     return section.model_construct(parameter=name, shape=shape or None, **values)
 
 
@@ -400,6 +431,8 @@ def scatter(gears, model, quantity, samples, points, **settings):
     from gearlib.studies import tolerance_study
     from gearlib.uncertainty.scatter import refused
 
+    # `settings` are the other options in _SCATTER. Tunings are mesh over natural frequencies; with
+    # `points` 0 no sweep is computed for the designs.
     first, last = _tuning_range(model, settings.pop("start"), settings.pop("stop"))
     settings["tunings"] = np.linspace(first, last, points) if points else None
     settings["speed"] = in_rpm("speed", settings["speed"])
@@ -419,6 +452,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
     if points:
         click.echo("Largest share of the designs that lose contact at a speed:")
         output.frame(designs.contact_loss_probability.max("speed").to_dataframe())
+    # With sweeps the figure shows bands over the speed, else the distributions of the quantities.
     draw = scatter_figure.draw_bands if points else scatter_figure.draw_quantities
     return designs, lambda plot: draw(designs).axes[0]
 
@@ -426,10 +460,10 @@ def scatter(gears, model, quantity, samples, points, **settings):
 def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, distance_class, quality):
     """Return the arguments `source` and `tolerances` of `gearlib.scatter`.
 
-    The source is `model`, or a `StageDesign` if the geometry has tolerances. `tolerance_texts`,
-    such as ["load std=5%"], replace the section `tolerances`. `thickness_class` is a class of DIN
-    3967, or two as in "26cd 25cd"; `distance_class` is a class of DIN 3964, `quality` a class of
-    ISO 1328-1. None means no class.
+    The source is `model`, or a `StageDesign` if the geometry of `gears` has tolerances.
+    `tolerance_texts`, such as ["load std=5%"], replace the section `tolerances`. `thickness_class`
+    is a class of DIN 3967, or two as in "26cd 25cd"; `distance_class` is a class of DIN 3964,
+    `quality` a class of ISO 1328-1. None means no class.
     """
     thickness = None
     if thickness_class is not None:
@@ -474,9 +508,10 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
 def _read_measured(values):
     """Complete the dict of option `values` of the command `fit` in place.
 
-    The file `path` is replaced by its measured set `data`, the texts in `free`, NAME or
-    NAME=LOW,HIGH, by a dict of ranges in SI units. Parameters of the gears without an option get
-    the value that the measured set states.
+    The path of a YAML file, `path`, is replaced by its measured data set, `data`. The strings in
+    `free`, NAME or NAME=LOW,HIGH, are replaced by a dict of the ranges (SI units) in which
+    parameters are fitted. Parameters of the gears without an option get the value that the file
+    states. The model "pair" of the file is called "rectangle" on the command line.
     """
     path = values.pop("path")
     values["data"] = data = gearlib.read_measured(path)
@@ -493,6 +528,7 @@ def _read_measured(values):
     if values["config"] is None and not DEFAULT_CONFIG.exists():
         # Without a configuration the fit starts from the middle of the free ranges.
         known = {name: sum(limits) / 2.0 for name, limits in values["free"].items()} | known
+    # Options take precedence over the values in the file. Only numbers are parameters of a pair.
     for name in (*GearPairSection.model_fields, *DAMPINGS):
         if values[name] is None and isinstance(known.get(name), int | float):
             values[name] = known[name]
@@ -506,6 +542,8 @@ def _read_measured(values):
 )
 def fit(gears, model, data, free):
     """Fit parameters of the gears to the measured set that the YAML file DATA describes."""
+    # `gears` are not needed; `free` maps the fitted parameters to (lowest, highest) value. The
+    # result prints its parameters with their uncertainties.
     text = f"{data.title}{', synthetic' if data.synthetic else ''}: {data.source}"
     repairs = f"; repairs: {data.attrs['repairs']}" if data.attrs["repairs"] else ""
     click.echo(click.wrap_text(text + repairs, output.WIDTH))
@@ -565,6 +603,7 @@ def explore(port, show, **values):
     """Explore a gear pair with sliders, in the browser."""
     from gearlib.explorer import page
 
+    # `values` are the options that describe the gears; port 0 means any free port.
     gears = take_gears(values)
     page.serve(gears.mapping, gears.damping, port or 0, show)
 
@@ -589,6 +628,7 @@ def init(folder, gearbox):
     """
     from gearlib.config import new_project
 
+    # An existing project is never overwritten; the path `gearbox` is None without the option.
     path = folder / DEFAULT_CONFIG
     if path.exists():
         raise click.UsageError(f"{path} exists: choose another folder")
@@ -611,6 +651,7 @@ def gearbox(path, report, force):
 
     The page of --report has pictures, each stage over the speed, and the modes of the whole box.
     """
+    # Check the page first, because the computations of the report may take minutes.
     output.check("--report", report, force, (".html",))
     box = gearlib.read_gearbox(path)
     click.echo(box)
@@ -631,6 +672,8 @@ def paper(folder, jobs, everything):
 
     FOLDER gets results/ and a config.yaml; an existing config.yaml is used as it is.
     """
+    # The configuration of the package describes the gears of the paper; "all" and "paper" are rules
+    # of its Snakefile.
     path = folder / DEFAULT_CONFIG
     if not path.exists():
         output.write_text(path, (_ROOT / DEFAULT_CONFIG).read_text("utf-8"))
@@ -653,6 +696,7 @@ def compare(folders, picture, force):
     names = [folder.resolve().name for folder in folders]
     if len(set(names)) < len(names):
         raise click.UsageError(f"FOLDER {' '.join(names)}: the names of the folders must differ")
+    # The table has a column for each project, which maps the names of quantities to values.
     curves, columns = [], {}
     for name, folder in zip(names, folders, strict=True):
         path = folder / "results/resonance.nc"
@@ -661,6 +705,7 @@ def compare(folders, picture, force):
         curves.append(storage.read(path))
         scalars = [value for value in curves[-1].data_vars.values() if not value.ndim]
         rows = [(x.name, "", WRITTEN_UNITS.get(x.units, x.units), float(x)) for x in scalars]
+        # A project of gears given by geometry has a longer table of their quantities.
         table_path = path.with_name("gears.csv")
         if table_path.is_file():
             cells = pandas.read_csv(table_path, keep_default_na=False)
@@ -704,12 +749,16 @@ def workflow(arguments):
 
 
 def _run_snakemake(folder, arguments):
-    """Run Snakemake with these arguments in a folder, and exit with its exit code."""
+    """Run Snakemake in a folder with the rules of this package, and exit with its exit code.
+
+    `arguments` is a list of command-line arguments, such as ["-j2", "all"].
+    """
     if find_spec("snakemake") is None:
         raise ModuleNotFoundError("Snakemake is not installed", name="snakemake")
     command = [sys.executable, "-m", "snakemake", "--snakefile", _ROOT / "Snakefile"]
     command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
     command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
+    # Output to a pipe is copied line by line, so that its end does not stop Snakemake.
     # `sys.__stdout__` is None if standard output, descriptor 1, is closed.
     is_pipe = sys.__stdout__ is not None and not os.isatty(1)
     process = subprocess.Popen(command, stdout=subprocess.PIPE if is_pipe else None)

@@ -26,12 +26,14 @@ img {{ max-width: 100%; }}
 
 
 def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolutions=60) -> str:
-    """Return the HTML page of a gearbox, with its tables and pictures.
+    """Return the HTML page of a gearbox, with its tables and pictures, as a string.
 
-    `file` is the path of the REXS file, `text` the printed table of the gearbox. `damping_ratio` is
-    the damping ratio of each mesh, `points` the number of speeds of a stage, `orders` the highest
-    multiple of a mesh frequency in the Campbell diagram, `revolutions` the length of the run-up.
+    `file` is the path of a REXS file (an exchange format of gearboxes), `text` the table of the
+    gearbox to show first. `damping_ratio` is the damping ratio of each mesh, `points` the number of
+    speeds of a stage, `orders` the highest multiple of a mesh frequency in the Campbell diagram,
+    `revolutions` the length of the run-up.
     """
+    # Pairs (stage, load case), and the load cases in which the whole gearbox can be computed.
     stages, boxes, _ = gearboxes.jobs(file)
     body = [f"<pre>{escape(text)}</pre>"]
     view = gearboxes.outline(file)
@@ -39,7 +41,7 @@ def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolut
         body += ["<h2>From the side</h2>", _image(gearbox_figure.draw_view(view))]
 
     def sweep_stage(job):
-        """Return the sweep over speed of a job, which starts with stage and load case."""
+        """Return dynamic factor and transmission error over speed; `job` is (stage, load case)."""
         return gearboxes.stage_over_speed(file, job[0], job[1], damping_ratio, points)
 
     # Threads run in parallel, because the kernels release the interpreter lock.
@@ -59,7 +61,7 @@ def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolut
 
 
 def _image(figure) -> str:
-    """Return a figure as an HTML image that contains its data."""
+    """Return a matplotlib figure as an HTML image element that contains its PNG data."""
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=150, metadata={"Software": None})
     data = base64.b64encode(content.getvalue()).decode("ascii")
@@ -67,7 +69,11 @@ def _image(figure) -> str:
 
 
 def _table(rows) -> str:
-    """Return an HTML table of rows of cells; the first row has the names of the columns."""
+    """Return an HTML table as a string.
+
+    `rows` yields lists of cells; the first one has the names of the columns. Cells are escaped, so
+    that characters such as < do not end up as HTML tags.
+    """
     header, *value_rows = rows
     names = "".join(f"<th>{escape(name)}</th>" for name in header)
     lines = [f"<tr>{names}</tr>"]

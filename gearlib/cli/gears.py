@@ -38,13 +38,17 @@ class Gears(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name of the gears, which says what the model leaves out."""
+        """Name of the gears as a string for titles, which says what the model leaves out."""
         if self.kind == "train":
             return gear_names.name_of_train(self.settings)
         return gear_names.name_of_pair(self.settings, self.kind == "teeth")
 
     def model(self, pitch_errors: bool = True):
-        """Return the model of the gears; pairs of teeth have pitch errors if `pitch_errors`."""
+        """Return the model of the gears, such as a `GearTrain` for the kind "train".
+
+        For the kind "teeth", in which each pair of teeth deforms by itself, `pitch_errors` says
+        whether the model includes the pitch errors of the gears.
+        """
         from gearlib.models.from_values import model
 
         if self.kind == "six_degrees" and self.settings.six_degrees.bearing_stiffness is None:
@@ -56,7 +60,10 @@ class Gears(NamedTuple):
         return self._replace(kind="rectangle") if self.kind == "teeth" else self
 
     def stiffness(self, model: Any) -> str:
-        """Return a text on the stiffness of a model, with the method by which it was computed."""
+        """Return a text on the mesh stiffness of a model of these gears.
+
+        If a geometry determines the stiffness, the text names the method of the computation.
+        """
         if self.kind == "teeth":
             return model.stiffness_model + gear_names.unused_options(self.settings.gears)
         if self.kind == "train" or not self.settings.gears:
@@ -64,9 +71,9 @@ class Gears(NamedTuple):
         return f"{model.stiffness_model}, {METHOD_NAMES[self.settings.gears.stiffness or 'iso']}"
 
     def description(self, model: Any) -> str:
-        """Return a text with the name of the gears, the stiffness of `model`, and default backlash.
+        """Return a text with the name of the gears, the stiffness of `model`, and the backlash.
 
-        The backlash is named only if it is the recommended one because none is given.
+        The text states the backlash only if none was given, so that the recommended one is used.
         """
         parts = [self.name, self.stiffness(model)]
         if self.geometry and self.geometry.backlash is None:
@@ -77,9 +84,10 @@ class Gears(NamedTuple):
 
 
 def in_rpm(name, value):
-    """Return the speed of the option `name` as a number in rpm, None if it is not given.
+    """Return the speed of an option as a number in rpm, or None if the option is not given.
 
-    `value` is a number, a text such as "1500rpm", or None.
+    `name` is the name of the option for the error message; `value` is a number, a string such as
+    "1500rpm", or None.
     """
     if not isinstance(value, str):
         return value
@@ -158,9 +166,11 @@ def take_gears(values: dict, moves: bool = True, needs_geometry: bool = False) -
 
 
 def _read(path: Path | None, damping: str | None) -> dict:
-    """Return the configuration in the file `path` or, with None, in config.yaml; {} without a file.
+    """Return the configuration as a dict, read from a YAML file; {} if there is no file.
 
-    `damping` is the option --damping, which needs a configuration; None if it is not given.
+    `path` is the option --config; with None the file is config.yaml in this folder. `damping` is
+    the option --damping, the name of a damping in the configuration, or None. Raise a usage error
+    if it is given without a configuration, or if the file has errors.
     """
     if path is None and not DEFAULT_CONFIG.exists():
         if damping:
@@ -174,11 +184,12 @@ def _read(path: Path | None, damping: str | None) -> dict:
 
 
 def _take_sections(values: dict, needs_geometry: bool) -> dict:
-    """Remove the options that are config keys from the dict `values`, and return their sections.
+    """Remove the options that are configuration keys from `values`, and return their sections.
 
-    With `needs_geometry` the command has the options `options.STAGE`, which describe a pair by its
-    geometry, else `options.PAIR`, which may also describe it by its parameters. The option `teeth`
-    is a number, or a text with the numbers of pinion and wheel.
+    The result is a nested dict {section: {key: value}} as in a YAML file. With `needs_geometry` the
+    command has the options `options.STAGE`, which describe two gears by their geometry; otherwise
+    it has `options.PAIR`, which may also describe a pair by stiffness, load and so on. The option
+    `teeth` is a number, or a string with the numbers of pinion and wheel.
     """
     sections: dict = {"gears": {}, "gear_pair": {}, "dampings": {}}
     teeth = values.pop("teeth")
@@ -195,12 +206,14 @@ def _take_sections(values: dict, needs_geometry: bool) -> dict:
     for _section_class, names, section_keys in key_groups:
         for name in names:
             value = values.pop(name)
+            # Options that are not given are None, flags that are not given are False.
             if value is None or value is False:
                 continue
             # An option of both gears, as --shift 0.1 0.2, has a value for each of their sections.
             section_values = value if len(section_keys) > 1 else [value]
             for section_key, section_value in zip(section_keys, section_values, strict=True):
                 section = sections
+                # A key such as "gears.pinion" is the path of a nested section.
                 for key in section_key.split("."):
                     section = section.setdefault(key, {})
                 section[name] = section_value

@@ -24,9 +24,10 @@ _EXTRAS = {"bokeh": "explore", "panel": "explore", "snakemake": "workflow"}
 
 
 def number_or_text(text):
-    """Return the value of an option as int or float, or as text if it is not a plain number.
+    """Return the value of an option as int or float, or as a string if it is not a plain number.
 
-    Texts such as "40 um" are read later, when their unit is known.
+    Strings such as "40 um" are converted later, when the required unit is known. NaN stays a
+    string, so that it is refused later.
     """
     for number_type in (int, float):
         try:
@@ -34,15 +35,16 @@ def number_or_text(text):
         except ValueError:
             continue
         return text if math.isnan(number) else number
+    # The next option was taken as a value, because the user gave one of two values.
     if text.startswith("--"):
         raise click.UsageError(f"{text} is not allowed as a value: some options take two values")
     return text
 
 
 def in_unit(unit, example):
-    """Return a click type, a function that converts the text of an option to a number in `unit`.
+    """Return a click type: a function that converts the string of an option to a number in `unit`.
 
-    Texts are plain numbers or, like `example`, have a unit.
+    The strings are plain numbers or, like `example`, have a unit.
     """
 
     def number(text):
@@ -58,7 +60,10 @@ def in_unit(unit, example):
 
 
 def mapping_of(text):
-    """Return the content of the YAML text of an option, or raise the error that click reports."""
+    """Return the content of the YAML string of an option, such as a dict.
+
+    If the string is not YAML, raise the error that click reports with the name of the option.
+    """
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError:
@@ -70,13 +75,15 @@ class Command(click.Command):
     """A command whose option --teeth takes one or two values."""
 
     def parse_args(self, ctx, args):
-        """Join two values of --teeth to one, because a click option has a fixed number of values.
+        """Join two values of --teeth to one, since click options have a fixed number of values.
 
         `ctx` is the click context, `args` the list of command-line arguments.
         """
+        # "--teeth=18" is divided into the option and its value.
         args = [part for arg in args for part in re.split("(?<=^--teeth)=", arg)]
         # The command `fit` has an argument, which may follow a single number of teeth.
         wheel_teeth = r"[-+]?[\d.]+" if ctx.command.name == "fit" else r"[^-].*|-[\d.].*"
+        # The list becomes shorter at each pair of values, so it is searched from its end.
         for i in reversed(range(len(args) - 2)):
             is_pair = args[i] == "--teeth" and not args[i + 1].startswith("--")
             if is_pair and re.fullmatch(wheel_teeth, args[i + 2]):
@@ -90,7 +97,10 @@ class Group(click.Group):
     command_class = Command
 
     def invoke(self, ctx):
-        """Run the command in a click context; convert errors of the library to click errors."""
+        """Run the command in a click context; convert errors of the library to click errors.
+
+        Click prints its errors as one line and exits with the code 2 (wrong input) or 1.
+        """
         try:
             with warnings.catch_warnings():
                 warnings.showwarning = lambda text, *_: click.echo(f"Warning: {text}", err=True)
@@ -115,11 +125,12 @@ class Group(click.Group):
 
 
 def option(name, help_text, default_or_type=None, flags=(), **settings):
-    """Return a click option.
+    """Return a `click.Option` for the option `name`, such as --max-seconds for "max_seconds".
 
-    `default_or_type` is the type of its values if it is callable, else its default value; False
-    makes the option a flag, None means neither. `flags` are additional names such as "-o",
-    `settings` additional arguments of `click.Option`.
+    `help_text` is its help. `default_or_type` is the type of its values if it is callable, else its
+    default value; False makes the option a flag without a value, None means neither type nor
+    default. `flags` are additional names such as "-o", `settings` additional arguments of
+    `click.Option`.
     """
     if default_or_type is False:
         settings["is_flag"] = True
@@ -133,15 +144,17 @@ def option(name, help_text, default_or_type=None, flags=(), **settings):
 
 
 def key_options(key_groups):
-    """Return the click options for config keys.
+    """Return the click options for keys of the configuration.
 
-    `key_groups` is a list such as `GEOMETRY` of tuples (section class, key names, section keys).
+    `key_groups` is a list such as `GEOMETRY` of tuples (class of a section, names of its keys,
+    places of such sections in the configuration). Options of both gears take two values.
     """
     click_options = []
     for section, names, section_keys in key_groups:
         settings = {"nargs": 2, "metavar": "PINION WHEEL"} if section_keys == _BOTH_GEARS else {}
         for name in names:
-            value_type = False if name == "internal" else number_or_text  # False: a flag
+            # The key `internal` is true or false, so its option is a flag (False) without a value.
+            value_type = False if name == "internal" else number_or_text
             help_text = section.model_fields[name].description
             click_options.append(option(name, help_text, value_type, **settings))
     return click_options
@@ -258,12 +271,16 @@ _TABLE = {
 
 
 def command_options(command_name, option_names):
-    """Return the options of a command; `option_names` is a text with spaces between the names."""
+    """Return the click options of a command, which are described in `_TABLE`.
+
+    `option_names` is a string with the names of the options, separated by spaces.
+    """
     click_options = []
     for name in option_names.split():
         # An entry such as "trust periods" for one command takes precedence over "periods".
         command_entry = _TABLE.get(f"{command_name} {name}")
         help_text, default_or_type, *settings = command_entry or _TABLE[name]
+        # `settings` is empty or has one dict with further arguments of `option`.
         click_options.append(option(name, help_text, default_or_type, **dict(*settings)))
     return click_options
 

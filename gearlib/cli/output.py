@@ -27,15 +27,17 @@ _TABLE_DIMENSIONS = ("mesh", "mode", "coordinate", "contact_phase", "multiplier"
 
 
 def check(option, path, force, suffixes):
-    """Raise an error if the output file of an option cannot be written, or exists without `force`.
+    """Raise an error if an output file cannot be written, or if it exists and `force` is false.
 
-    `path` is None if the option is not given; its suffix must be one of `suffixes`.
+    `option` is the name of the option for the message. `path` is None if the option is not given;
+    its suffix must be one of `suffixes`, such as ".png".
     """
     if path is None:
         return
     if path.suffix not in suffixes:
         raise click.UsageError(f"{option} {path}: it must end with one of {', '.join(suffixes)}")
     try:
+        # Creating a temporary file shows whether the folder exists and can be written to.
         tempfile.TemporaryFile(dir=path.parent).close()
         exists = path.exists()
     except OSError as error:
@@ -45,9 +47,9 @@ def check(option, path, force, suffixes):
 
 
 def write(path, dataset, dimension):
-    """Write a dataset as netCDF or, if the suffix is .csv, as a table.
+    """Write a dataset to `path` as netCDF or, if its suffix is .csv, as a table.
 
-    The table has a row for each entry of `dimension`.
+    The table has one row per entry of the dimension named `dimension`.
     """
     from gearlib.data import storage
 
@@ -59,18 +61,18 @@ def write(path, dataset, dimension):
 
 
 def write_text(path, text):
-    """Write a text file, and report it on standard error."""
+    """Write a text file and create its folder; report the path on standard error."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     click.echo(f"written to {path}", err=True)
 
 
 def save_picture(path, name, draw, model=None, dataset=None):
-    """Draw a picture of a result and save it, with the name of the gears below it.
+    """Draw a picture of a result and save it to `path`, with the name of the gears below it.
 
-    `draw` is a function that is called with the module `gearlib.plot` and returns axes. Results on
-    meshes or modes of a train are drawn beside the train itself; they need `model`, the train, and
-    `dataset`, the result.
+    `name` is the name of the gears, and `draw` a function that is called with the module
+    `gearlib.plot` and returns axes. Results on meshes or modes of a gear train are drawn beside a
+    picture of the train: `model` is the train and `dataset` the result, both None otherwise.
     """
     import matplotlib
 
@@ -78,6 +80,7 @@ def save_picture(path, name, draw, model=None, dataset=None):
     from gearlib import plot
     from gearlib.figures import schematic, style
 
+    # Only trains have names of meshes. Contacts are marked in the picture if they are known.
     axes = draw(plot)
     if model is not None and model.mesh_names and {"mesh", "mode"} & {*dataset.dims}:
         schematic.draw_beside(axes, model, dataset if "contact" in dataset else None)
@@ -87,7 +90,11 @@ def save_picture(path, name, draw, model=None, dataset=None):
 
 
 def show(dataset):
-    """Print the main variables of a dataset, or raise an error if its computation has failed."""
+    """Print the main variables of a dataset, or raise an error if its computation has failed.
+
+    Scalars are printed one per line, and variables over the same dimension, such as "mesh", as
+    columns of one table. A `status` other than 0 means that the computation has failed.
+    """
     if "status" in dataset and dataset.status != 0:
         raise click.ClickException(dataset.status.attrs.get("message", "all runs have failed"))
     import pandas
@@ -118,7 +125,10 @@ def frame(table):
 
 
 def definitions(rows):
-    """Print pairs of a term and its description in two columns."""
+    """Print pairs of a term and its description in two columns.
+
+    `rows` is a list of (term, description), both strings; long descriptions are wrapped.
+    """
     formatter = click.HelpFormatter(width=WIDTH)
     formatter.write_dl(rows, col_max=60)
     click.echo(formatter.getvalue(), nl=False)
@@ -127,8 +137,8 @@ def definitions(rows):
 def gear_table(rows, file_format):
     """Print the table of gears given by geometry in the format "text", "json" or "csv".
 
-    `rows` are results of `gearlib.studies.gear_table`; each has values of both gears, of the mesh,
-    or of the stiffness methods.
+    `rows` are `Quantity` tuples (name, unit, values, meaning) of `gearlib.studies.gear_table`.
+    Their `values` are a dict by pinion and wheel, by mesh, or by stiffness method.
     """
     if file_format == "json":
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))
@@ -142,6 +152,7 @@ def gear_table(rows, file_format):
         # Amplitudes of mesh orders are printed as a table of their own.
         amplitudes = [row for row in rows if row.name.startswith("mesh_order")]
         others = [row for row in rows if row not in amplitudes]
+        # Successive rows with the same keys of `values` are a block with common column headings.
         for columns, block in itertools.groupby(others, lambda row: tuple(row.values)):
             click.echo(f"{'':25}{''.join(f'{column:13}' for column in columns)}")
             terms = []

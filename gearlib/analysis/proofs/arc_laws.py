@@ -27,8 +27,8 @@ _MAX_TIME_RADIUS = 2.0**-30
 def propagated(matrix: Any, columns: Any, time: Any) -> Any:
     """Return exp(matrix time) columns, the solution of z' = matrix z after a time for each column.
 
-    Matrices and time have balls (intervals) as entries. If the ball `time` is wide, the mean value
-    theorem gives a narrower result.
+    Both matrices and the `time` consist of balls (intervals with error bounds). If the ball `time`
+    is wide, the mean value theorem gives a narrower result than the exponential of a wide matrix.
     """
     if not time.rad() > _MAX_TIME_RADIUS:
         return (matrix * time).exp() * columns
@@ -52,7 +52,11 @@ class ArcDynamics:
     """
 
     def __init__(self, model, tuning: float):
-        """Compute modal basis and matrices of a model at a tuning in ball arithmetic."""
+        """Compute modal basis and system matrices of a model in ball arithmetic.
+
+        Balls are intervals with error bounds. `tuning` is mesh frequency over natural frequency.
+        The attributes are described in the class.
+        """
         build_model = ball_model_builder(model)
         self.model = build_model(model, tuning)
         self.tuning = flint().arb(tuning)
@@ -77,6 +81,7 @@ class ArcDynamics:
         basis[:n, :n], basis[n : 2 * n, n : 2 * n] = shapes, shapes * natural_frequencies
         self.basis = matrix_of(basis)
         self.basis_inverse = self.basis.inv()
+        # Contributions of the meshes, which depend on their contacts, are added to this matrix.
         self._without_meshes = self._matrix_without_meshes()
         self.distance_rows = [
             [self._distance_row(mesh, side) for side in (COAST_SIDE, DRIVE_SIDE)]
@@ -86,8 +91,9 @@ class ArcDynamics:
     def _eliminate_free_motions(self, free_motions: np.ndarray) -> None:
         """Choose the retained coordinates, and compute the matrix from all n coordinates to them.
 
-        `free_motions` are k rigid-body motions, columns (n, k). They are eliminated by fixing k
-        coordinates. Raise `ProofFailed` if stiffness or damping act on these motions.
+        `free_motions`, shape (n, k), has k rigid-body motions, which no spring opposes, as columns.
+        To eliminate them, k coordinates are fixed, and the others are measured relative to these.
+        Raise `ProofFailed` if stiffness or damping act on the rigid-body motions.
         """
         model, n = self.model, len(self.model.coordinates)
         self.fixed = _fixed_coordinates(free_motions)
@@ -105,6 +111,7 @@ class ArcDynamics:
             retained_block = matrix_of(retained_rows[:, self.retained])
             fixed_block = matrix_of(retained_rows[:, self.fixed])
             reduction[:, self.fixed] = retained_block.solve(fixed_block).tolist()
+            # Rigid-body motions in balls, each of which moves one fixed coordinate by 1.
             motions = unit[:, self.fixed]
             motions[self.retained] = -reduction[:, self.fixed]
             mesh_rows = np.array([row for mesh in model.meshes for row in mesh.rows])
@@ -120,16 +127,18 @@ class ArcDynamics:
         self._accelerance = self.reduction * matrix_of(model.mass).inv()
 
     def _distance_row(self, mesh: Any, side: int) -> Any:
-        """Return the row (1, size) whose product with modal components is the flank distance.
+        """Return the row (1, size) whose product with the modal components is a flank distance.
 
-        `mesh` is a `BallMesh`, and `side` the drive or coast side. The row is None for the coast
-        side of an infinite backlash.
+        The flank distance is zero where the flanks touch. `mesh` is a `BallMesh`, and `side` is
+        COAST_SIDE or DRIVE_SIDE. Return None for the coast side of an infinite backlash, which
+        never touches.
         """
         if mesh.constants[side] is None:
             return None
         row = np.zeros(self.size, object)
         length = self.model.length
         row[: len(self.retained)] = [mesh.rows[side][i] for i in self.retained]
+        # This component of the state is always 1.
         row[self.state_count] = mesh.constants[side] / length
         for frequency, amplitudes in mesh.harmonics.items():
             cosine, sine = amplitudes[side]
@@ -138,14 +147,19 @@ class ArcDynamics:
         return matrix_of(row[None]) * self.basis
 
     def _accelerations(self, forces: np.ndarray) -> np.ndarray:
-        """Return the accelerations of the retained coordinates under forces on all coordinates.
+        """Return the accelerations of the retained coordinates under forces on all n coordinates.
 
-        Forces have the shape (n, k) and accelerations (e, k), with a column for each load case.
+        `forces` has the shape (n, k), with a column for each load case; the accelerations have the
+        shape (number of retained coordinates, k). All entries are balls (intervals).
         """
         return np.array((self._accelerance * matrix_of(forces)).tolist())
 
     def _matrix_without_meshes(self) -> Any:
-        """Return the system matrix A of z' = A z without mesh forces, shape (size, size)."""
+        """Return the system matrix A of z' = A z without mesh forces, shape (size, size).
+
+        The state z is (y, dy/dtheta, 1, cosine and sine of each harmonic), where theta is time
+        times the reference frequency. The matrix is returned for modal components.
+        """
         model, n = self.model, len(self.retained)
         omega = model.frequency  # unit of frequencies, rad/s
         acceleration_unit = omega**2 * model.length
@@ -157,6 +171,7 @@ class ArcDynamics:
         matrix[velocities, velocities] = self._accelerations(-damping) / omega
         matrix[velocities, [2 * n]] = self._accelerations(model.load[:, None]) / acceleration_unit
         for frequency, column in self.harmonic_columns.items():
+            # Cosine and sine of the phase rotate: cos' = -rate sin, sin' = rate cos.
             rate = ball_of(frequency) * self.tuning
             matrix[column, column + 1], matrix[column + 1, column] = -rate, rate
             if frequency in model.force_harmonics:
@@ -165,9 +180,11 @@ class ArcDynamics:
         return self.basis_inverse * matrix_of(matrix) * self.basis
 
     def system_matrix(self, codes: list, segment: int) -> Any:
-        """Return the system matrix A of z' = A z on a segment of the period of the excitation.
+        """Return the system matrix A of z' = A z for given contacts on one segment of the period.
 
-        `codes` are the contact codes of all meshes, and `segment` is the index of the `Segment`.
+        `codes` has a contact code for each mesh: 1 drive side, 0 none, -1 coast side. `segment` is
+        the index of a `Segment`, an interval of the period of the excitation in which the stiffness
+        is constant. Matrices are stored, because many arcs share them.
         """
         conditions = self.model.segments[segment].conditions
         mesh_states = []
@@ -175,6 +192,7 @@ class ArcDynamics:
             if code == NO_CONTACT:
                 mesh_states.append((code,))
             else:
+                # Index of the mesh stiffness, and direction of sliding (1 or -1) for friction.
                 stiffness_level, sliding_sign = sides[COAST_SIDE if code == COAST else DRIVE_SIDE]
                 mesh_states.append((code, stiffness_level, sliding_sign))
         key = tuple(mesh_states)
@@ -184,15 +202,18 @@ class ArcDynamics:
         return self._system_matrices[key]
 
     def _mesh_matrix(self, j: int, code: int, level: int = 0, sliding_sign: int = 0) -> Any:
-        """Return the contribution of mesh j with a contact code to the system matrix A.
+        """Return the contribution of mesh j to the system matrix A of z' = A z.
 
-        `level` is the index of the stiffness (0 upper, 1 lower), and `sliding_sign`, 1 or -1, is
-        the sliding direction, which friction opposes.
+        `code` is its contact code: 1 drive side, 0 none, -1 coast side. `level` is the index of the
+        stiffness (0 upper, 1 lower), and `sliding_sign`, 1 or -1, the sliding direction, which
+        friction opposes; neither is used without contact.
         """
         mesh = self.model.meshes[j]
         omega = self.model.frequency  # unit of frequencies, rad/s
         side = COAST_SIDE if code == COAST else DRIVE_SIDE
         distance = self.distance_rows[j][side]
+        # The rate of the flank distance depends on velocities but not on accelerations, so that
+        # mesh forces do not matter.
         rate = distance * self._without_meshes
         if code == NO_CONTACT:
             return self._force_matrix(mesh.rows[DRIVE_SIDE], rate * (mesh.backlash_damping / omega))
@@ -211,10 +232,11 @@ class ArcDynamics:
         return contribution
 
     def _force_matrix(self, direction: np.ndarray, force: Any) -> Any:
-        """Return the contribution to the system matrix A of a force against a direction.
+        """Return the contribution of a force, such as a mesh force, to the system matrix A.
 
-        `force` is the row (1, size) whose product with modal components is the force, and
-        `direction`, shape (n,), its components on the coordinates.
+        `force` is the row (1, size) whose product with the modal components of the state z is the
+        force. `direction`, shape (n,), holds its components on the coordinates; the force acts in
+        the negative direction, as a spring opposes its elongation.
         """
         n, column = len(self.retained), np.zeros((self.size, 1), object)
         column[n : 2 * n] = self._accelerations(-np.array(direction)[:, None])
@@ -223,7 +245,8 @@ class ArcDynamics:
     def initial_state(self, state: np.ndarray) -> list:
         """Return (y, dy/dtheta) of the retained coordinates as balls for a state (q, dq/dtau).
 
-        Since theta = tau / nu, rates by theta are rates by tau times the tuning nu.
+        `state`, shape (2 n,), has all n coordinates q and their rates by the mesh phase tau. Since
+        theta = tau / nu, rates by theta are rates by tau times the tuning nu.
         """
         q, q_rates = np.array(state, float).reshape(2, -1).tolist()
         y = (self.reduction * column_of(q)).entries()
@@ -231,9 +254,9 @@ class ArcDynamics:
         return [*y, *(rate * self.tuning for rate in y_rates)]
 
     def train_description(self, codes: tuple) -> TrainDescription | None:
-        """Return the description of a train with initial contact codes, one for each mesh.
+        """Return the description of a train for its certificate; None with one degree of freedom.
 
-        It is None for a model with one degree of freedom.
+        `codes` are the contact codes of all meshes at tau = 0: 1 drive side, 0 none, -1 coast side.
         """
         if self.one_degree:
             return None
@@ -250,14 +273,16 @@ class ArcDynamics:
 def _modes(model, ball_model: Any) -> tuple:
     """Return (rigid-body motions, natural frequencies, mode shapes) with all teeth in contact.
 
-    They are floats; `ball_model` is the `BallModel` of the model. Motions and shapes are columns;
-    frequencies are relative to the reference frequency.
+    They are floats, since they only serve as a basis. `ball_model` is the `BallModel` of `model`.
+    Motions and shapes are columns over the coordinates; frequencies are relative to the reference
+    frequency of the tuning.
     """
     if model.train is None:
         (mesh,) = ball_model.meshes
         ground_stiffness, mass = ball_model.stiffness[0, 0], ball_model.mass[0, 0]
         stiffness = float(ground_stiffness) + max(map(float, mesh.stiffness[DRIVE_SIDE]))
         frequency = math.sqrt(stiffness / float(mass)) / float(ball_model.frequency)
+        # One degree of freedom is supported by its mesh: there is no rigid-body motion.
         return np.zeros((1, 0)), frequency, np.eye(1)
     structure = model.train.structure
     mesh_rows = structure.lines
@@ -274,11 +299,11 @@ def _modes(model, ball_model: Any) -> tuple:
 def _fixed_coordinates(motions: np.ndarray) -> list[int]:
     """Return the sorted indices of k coordinates that determine k rigid-body motions.
 
-    `motions`, shape (n, k), has a motion of all n coordinates in each column. If the k coordinates
-    are fixed, no motion is left.
+    `motions`, shape (n, k), has a rigid-body motion of all n coordinates in each column. If the
+    returned coordinates are fixed, no rigid-body motion is left.
     """
     coordinates, remaining = [], np.array(motions)
-    # Gaussian elimination takes a coordinate and a motion away in each step.
+    # Each step of Gaussian elimination fixes one coordinate and removes one motion.
     while remaining.shape[1]:
         max_entries = np.abs(remaining).max(axis=1)
         # The first large entry is used: the index of the largest may depend on rounding errors.

@@ -19,7 +19,10 @@ _EXACT_DIGITS = 10**6
 
 
 def flint() -> Any:
-    """Return the module python-flint, or raise an ImportError with the command to install it."""
+    """Return the module python-flint, or raise an ImportError with the command to install it.
+
+    The import is late, because only proofs need this optional package.
+    """
     try:
         import flint as module
     except ImportError:
@@ -33,7 +36,8 @@ def flint() -> Any:
 def precision(bits: int):
     """Set the precision of ball arithmetic in bits for a ``with`` block; yield the class of balls.
 
-    This class is ``arb`` of flint.
+    Balls are intervals with guaranteed error bounds; their class is ``arb`` of python-flint. The
+    former precision returns at the end of the block.
     """
     with flint().ctx.workprec(bits):
         yield flint().arb
@@ -86,10 +90,14 @@ class Enclosure:
         return Fraction(self.low) <= Fraction(value) <= Fraction(self.high)
 
     def __str__(self) -> str:
-        """Return "centre +- radius" with rounded numbers that still contain the interval."""
+        """Return "centre +- radius" with rounded numbers that still contain the interval.
+
+        The radius has two digits and is rounded up. If both ends are equal, return that number.
+        """
         width = self.high - self.low
         if not width:
             return str(self.low)
+        # With 400 digits sums, differences and halves of the ends are exact.
         exact, rounded_up = Context(prec=400), Context(prec=2, rounding="ROUND_UP")
         centre = exact.divide(exact.add(self.low, self.high), Decimal(2))
         radius = rounded_up.divide(width, Decimal(2))
@@ -102,9 +110,13 @@ class Enclosure:
 
 
 def enclosure(ball: Any, digits: int) -> Enclosure:
-    """Convert a ball to an interval of decimals, rounded outwards to `digits` + 2 places."""
+    """Convert a ball to an interval of decimals, rounded outwards to `digits` + 2 places.
+
+    A `ball`, flint's ``arb``, is an interval with midpoint and radius; the result contains it.
+    """
     module = flint()
     places = digits + 2
+    # A decimal digit needs about 3.3 bits: with 4 bits each, rounding errors are negligible.
     with precision(module.ctx.prec + 4 * places + 64):
         scaled = ball * module.arb(10) ** places
         low = int(scaled.lower().floor().unique_fmpz())
@@ -114,7 +126,10 @@ def enclosure(ball: Any, digits: int) -> Enclosure:
 
 
 def digits_of(ball: Any) -> int:
-    """Return the number of reliable decimal digits of a ball, relative to max(1, |midpoint|)."""
+    """Return the number of reliable decimal digits of a ball (an interval, midpoint and radius).
+
+    The radius is taken relative to max(1, |midpoint|); a ball of radius 0 has _EXACT_DIGITS.
+    """
     relative_radius = ball.rad() / max(1, abs(ball.mid()))
     if relative_radius == 0:
         return _EXACT_DIGITS

@@ -58,7 +58,11 @@ class _Claim:
     claim = ""
 
     def as_dict(self) -> dict:
-        """Return the claim for JSON: enclosures as two decimals, exact floats in hexadecimal."""
+        """Return the claim as a dictionary for JSON, with its name, proven values and model.
+
+        An enclosure becomes two decimals, and exact floats become hexadecimal strings.
+        """
+        # Only certificates of ranges have a field `train`.
         values = dict(vars(self))
         model, train = values.pop("model"), values.pop("train", None)
         if not values.get("missing", True):
@@ -74,7 +78,10 @@ class _Claim:
         return {"claim": self.claim, **values, "model": json_value(parameters, True)}
 
     def __repr__(self: Any) -> str:
-        """Return the claim as text: a title, a line for each proven quantity, and the stability."""
+        """Return the claim as text: a title, a line for each proven quantity, and the stability.
+
+        A subclass has the format `_tuning_format` and the lines `_text_rows()`.
+        """
         plural = "s" if self.period > 1 else ""
         orbit = f"an orbit of {self.period} mesh period{plural}"
         tuning = self._tuning_format.format(self)
@@ -116,7 +123,10 @@ class Certificate(_OrbitClaim):
     claim = "orbit"
 
     def _text_rows(self) -> list[tuple]:
-        """Return the rows (name, value) of proven quantities in the text of the certificate."""
+        """Return the rows (name, value) of proven quantities in the text of the certificate.
+
+        `__repr__` prints them; names with an indent belong to the row above.
+        """
         return [
             ("displacement", self.displacement),
             ("velocity", self.velocity),
@@ -147,7 +157,11 @@ class TrainCertificate(_OrbitClaim, TrainDescription):
     claim = "train"
 
     def _text_rows(self) -> list[tuple]:
-        """Return the rows (name, value) of proven quantities in the text of the certificate."""
+        """Return the rows (name, value) of proven quantities in the text of the certificate.
+
+        They are the contacts at tau = 0 (start of a mesh period), a row for each contact event, the
+        largest Floquet multiplier, and the radius within which the orbit is unique.
+        """
         contacts = zip(self.meshes, self.contacts, strict=True)
         texts = [f"{mesh} in {_CONTACT_NAMES[code]}" for mesh, code in contacts]
         rows = [("at tau = 0", ", ".join(texts))]
@@ -217,7 +231,8 @@ def _complex_text(real: Enclosure, imaginary: Enclosure) -> str:
 def json_value(value: Any, exact: bool = False) -> Any:
     """Convert an entry of a certificate to JSON types: text, numbers, lists and dictionaries.
 
-    An `Enclosure` becomes a list of two decimals. With `exact` floats become hexadecimal strings.
+    An `Enclosure` (proven interval) becomes a list of two decimals as strings. If `exact` is true,
+    floats become hexadecimal strings, which keep all their bits.
     """
     if isinstance(value, Enclosure):
         return [str(value.low), str(value.high)]

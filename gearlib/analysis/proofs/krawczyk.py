@@ -38,9 +38,10 @@ UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 def polish(system: Callable, start: list) -> tuple[list, Any]:
     """Refine an approximate zero of a system of equations by Newton's method.
 
-    `system` is a function of the unknowns, a list of balls, and returns (residuals, rows of their
-    Jacobian matrix, ...); `start` is the initial value of the unknowns. Return (zero, inverse of
-    the Jacobian matrix there), both approximate and with radius 0.
+    `system` is a function of the unknowns, a list of balls (intervals with error bounds), and
+    returns (residuals, rows of their Jacobian matrix, ...). `start` is the initial value of the
+    unknowns. Return (zero, inverse of the Jacobian matrix there), both approximate: balls of radius
+    0. Raise `ProofFailed` if the matrix is singular or the method does not converge.
     """
     module = flint()
     zero = [value.mid() for value in start]
@@ -48,6 +49,7 @@ def polish(system: Callable, start: list) -> tuple[list, Any]:
     tolerance = module.arb(2) ** -(0.6 * module.ctx.prec)
     for _ in range(_MAX_NEWTON_STEPS):
         residuals, rows, *_ = system(zero)
+        # `mid` takes the midpoints of balls: nothing needs to be rigorous here.
         try:
             inverse = module.arb_mat(rows).mid().inv().mid()
         except ZeroDivisionError:
@@ -74,12 +76,13 @@ def matrix_vector_product(matrix: Any, values: list) -> list:
 def krawczyk_shift(system: Callable, centre, radii, inverse: Any, residuals: list) -> list:
     """Return K(X) - m for the Krawczyk operator K and the box X with centre m, a list of balls.
 
-    K(X) - m = (I - Y F'(X)) (X - m) - Y F(m), where F are the residuals of `system`, a function of
-    the unknowns that returns (residuals, rows of their Jacobian matrix, ...). `centre` is m,
-    `radii` are those of X, `inverse` is Y, an approximate inverse of the Jacobian matrix F'(m), and
-    `residuals` are F(m).
+    K(X) - m = (I - Y F'(X)) (X - m) - Y F(m), where balls are intervals with error bounds and F are
+    the residuals of `system`, a function of the unknowns that returns (residuals, rows of their
+    Jacobian matrix, ...). `centre` is m, `radii` are the half widths of the box X, `inverse` is Y,
+    an approximate inverse of the Jacobian matrix F'(m), and `residuals` are F(m).
     """
     arb = flint().arb
+    # Evaluated for the whole box, the Jacobian matrix encloses its values at all points of the box.
     _, rows, *_ = system(list(map(arb, centre, radii)))
     remainder = identity(len(centre)) - inverse * flint().arb_mat(rows)
     spread = matrix_vector_product(remainder, [arb(0, radius) for radius in radii])
@@ -88,9 +91,10 @@ def krawczyk_shift(system: Callable, centre, radii, inverse: Any, residuals: lis
 
 
 def is_inside(shift: list, radii: list) -> bool:
-    """Return whether the image K(X) of a box X lies in its interior, so that X contains one zero.
+    """Return whether the Krawczyk image K(X) of a box X lies in its interior.
 
-    `shift` is K(X) - m of `krawczyk_shift`, where m is the centre of X, and `radii` are those of X.
+    If so, the system of equations has exactly one zero in X. `shift` is K(X) - m, a result of
+    `krawczyk_shift`, where m is the centre of X, and `radii` are the half widths of X.
     """
     return all(abs(ball) < radius for ball, radius in zip(shift, radii, strict=True))
 
@@ -98,9 +102,11 @@ def is_inside(shift: list, radii: list) -> bool:
 def check_derivative(system: Callable, centre: list, residuals: list) -> None:
     """Raise `ProofFailed` if the Jacobian matrix contradicts a finite difference of the residuals.
 
-    `system` returns (residuals, rows of their Jacobian matrix, ...) for the unknowns, and
-    `residuals` are those at `centre`. The difference is taken over a step in all unknowns at once.
-    By the mean value theorem it lies in the product of step and Jacobian matrix over the step.
+    `system` is a function of the unknowns, a list of balls (intervals with error bounds), that
+    returns (residuals, rows of their Jacobian matrix, ...); `residuals` are its values at the
+    unknowns `centre`. All unknowns are changed at once by a small step. By the mean value theorem,
+    the change of the residuals lies in the product of the step and an enclosure of the Jacobian
+    matrix on the whole step.
     """
     module, n = flint(), len(centre)
     # The step is large enough for a difference with many digits, and small enough for a nearly
@@ -109,6 +115,7 @@ def check_derivative(system: Callable, centre: list, residuals: list) -> None:
     # The steps differ, so that errors in several columns of the matrix do not cancel.
     steps = [step_size * max(1, abs(value)) * (n + i) / n for i, value in enumerate(centre)]
     shifted = [(value + step).mid() for value, step in zip(centre, steps, strict=True)]
+    # The end of the step has been rounded, so that the step is computed again.
     steps = [end - value for value, end in zip(centre, shifted, strict=True)]
     hull = [value.union(end) for value, end in zip(centre, shifted, strict=True)]
     jacobian_rows = system(hull)[1]
@@ -122,8 +129,10 @@ def check_derivative(system: Callable, centre: list, residuals: list) -> None:
 def enclose(system: Callable, centre: list, inverse: Any) -> list:
     """Return a box, a list of balls, that is proven to contain exactly one zero of a system.
 
-    `system` returns (residuals, rows of their Jacobian matrix, ...) for the unknowns; `centre` and
-    `inverse` are the approximate zero and inverse Jacobian matrix of `polish`.
+    Balls are intervals with error bounds. `system` is a function of the unknowns that returns
+    (residuals, rows of their Jacobian matrix, ...). `centre` is an approximate zero and `inverse`
+    the approximate inverse of the Jacobian matrix there, from `polish`. Raise `ProofFailed` if
+    Krawczyk's test fails.
     """
     module = flint()
     residuals, *_ = system(centre)
@@ -144,9 +153,11 @@ def enclose(system: Callable, centre: list, inverse: Any) -> list:
 def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
     """Return the radius of a box around `centre` that is proven to contain exactly one zero.
 
-    `system` returns (residuals, rows of their Jacobian matrix, ...) for the unknowns; `centre` and
-    `inverse` are the approximate zero and inverse Jacobian matrix of `polish`. All unknowns have
-    the same radius, at most half of `_MAX_RADIUS`.
+    `system` is a function of the unknowns that returns (residuals, rows of their Jacobian matrix,
+    ...). `centre` is an approximate zero and `inverse` the approximate inverse of the Jacobian
+    matrix there, from `polish`. The box has the same half width in all unknowns; smaller boxes are
+    tried until one passes Krawczyk's test. Half of its width is returned, at most half of
+    _MAX_RADIUS.
     """
     residuals, *_ = system(centre)
     radius = _MAX_RADIUS
@@ -155,12 +166,14 @@ def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
         try:
             shift = krawczyk_shift(system, centre, radii, inverse, residuals)
         except ProofFailed:
+            # The equations cannot be evaluated on so large a box.
             radius *= 0.1
             continue
         if is_inside(shift, radii):
             # Half of the radius allows for wider enclosures in an independent program.
             return 0.5 * radius
-        # Size of the image of the box relative to the box, which decreases with the radius.
+        # The image of the box relative to the box becomes smaller as the radius decreases, so that
+        # a moderate ratio tells how much smaller the box must be.
         ratio = float(max(abs(ball) for ball in shift).upper()) / radius
         if ratio < 1e3:
             radius *= min(0.5, 0.5 / ratio)
@@ -170,10 +183,12 @@ def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
 
 
 def eigenvalues(matrix: Any) -> list:
-    """Return enclosures of all eigenvalues of a matrix of balls, complex balls, largest first.
+    """Return complex balls that enclose all eigenvalues of a matrix, largest modulus first.
 
-    They are the Gershgorin discs of the matrix after a transformation to its approximate
-    eigenvectors.
+    The entries of the matrix are balls (intervals with error bounds). The enclosures are the
+    Gershgorin discs of the matrix after a transformation to its approximate eigenvectors, which
+    makes it nearly diagonal. Discs that overlap are replaced by a ball around their union, once for
+    each of them.
     """
     module = flint()
     complex_matrix = module.acb_mat(matrix)
@@ -208,10 +223,11 @@ def eigenvalues(matrix: Any) -> list:
 def stability_verdict(multipliers: list, matrix: Any, determinant: Any) -> tuple[str, str]:
     """Return (stability, reason) of an orbit from its Floquet multipliers and monodromy matrix.
 
-    The stability is "stable", "unstable" or "undecided". The `determinant` of the matrix is None if
-    it is not known better than from the matrix. If the matrix is 2 x 2 and the determinant is
-    known, Jury's conditions are used: with determinant 1 and |trace| < 2 both multipliers lie
-    exactly on the unit circle.
+    `multipliers` are complex balls (intervals with error bounds), so that each comparison is a
+    proof. The stability is "stable", "unstable" or "undecided". `determinant` is an enclosure of
+    the determinant of `matrix` that is narrower than the matrix gives it, or None. If it is known
+    and the matrix is 2 x 2, Jury's conditions on trace and determinant are used instead of the
+    multipliers: with determinant 1 and |trace| < 2 both multipliers lie exactly on the unit circle.
     """
     is_unstable = any(abs(value) > 1 for value in multipliers)
     is_stable = all(abs(value) < 1 for value in multipliers)

@@ -47,7 +47,10 @@ class MeshTiming(NamedTuple):
     pitch_phases: tuple = (Fraction(0), Fraction(0))
 
     def changes(self) -> set[Fraction]:
-        """Return the phases in mesh periods at which the stiffness or sliding direction changes."""
+        """Return the phases at which the stiffness or the sliding direction changes, as a set.
+
+        Phases are fractions of a mesh period and may lie outside the interval from 0 to 1.
+        """
         phases = set()
         # The upper level of the stiffness lasts for the fraction `overlap` of a mesh period.
         if self.has_switches and 0 < self.overlap < 1:
@@ -55,6 +58,8 @@ class MeshTiming(NamedTuple):
                 phases |= {middle + self.overlap / 2, middle - self.overlap / 2}
         if self.has_friction:
             for pitch_phase in self.pitch_phases:
+                # The sliding direction changes at the pitch point and where the next pair takes
+                # over.
                 pitch_point = self.phases[DRIVE_SIDE] + pitch_phase
                 phases |= {pitch_point, pitch_point + Fraction(1, 2)}
         return phases
@@ -62,7 +67,8 @@ class MeshTiming(NamedTuple):
     def condition(self, side: int, phase: Fraction) -> tuple[int, int]:
         """Return (stiffness level, sliding sign) of a side at a phase in mesh periods.
 
-        Level 0 is the upper and 1 the lower stiffness; the sliding sign is 1 or -1.
+        `side` is COAST_SIDE or DRIVE_SIDE. Level 0 is the upper stiffness (more tooth pairs in
+        contact) and 1 the lower; the sliding sign, 1 or -1, is the direction of sliding.
         """
         half = Fraction(1, 2)
         # Distance from the nearest middle of the upper level, in mesh periods.
@@ -116,7 +122,8 @@ class BallModel(NamedTuple):
 def ball_model_builder(model) -> Callable:
     """Return the function that builds the `BallModel` of a model from (model, tuning).
 
-    Raise `ProofFailed` if proofs do not support the model.
+    A `BallModel` has the coefficients of the equations of motion as balls (intervals). Raise
+    `ProofFailed` if proofs do not support the model.
     """
     if model.train is not None:
         if model.gyroscopic:
@@ -132,7 +139,10 @@ def ball_model_builder(model) -> Callable:
 
 
 def ball_arithmetic() -> Arithmetic:
-    """Return the functions by which a train is assembled in balls of the current precision."""
+    """Return the functions with which a gear train is assembled in balls instead of floats.
+
+    Balls are intervals with error bounds; they have the current precision of python-flint.
+    """
     arb = flint().arb
 
     def cos_sin(angle) -> tuple:
@@ -150,8 +160,8 @@ def ball_arithmetic() -> Arithmetic:
 def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
     """Return the segments with constant stiffness and sliding in one period of the excitation.
 
-    `timings` are those of all meshes, and `common_period` is the period of the excitation in
-    periods of the reference mesh.
+    `timings` has the `MeshTiming` of each mesh, its phases of change. `common_period` is the period
+    of the excitation of all meshes together, in periods of the reference mesh.
     """
     starts = {Fraction(0)}  # in periods of the reference mesh
     for timing in timings:
@@ -161,6 +171,7 @@ def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
     for start, end in pairwise([*sorted(starts), Fraction(common_period)]):
         conditions = []
         for timing in timings:
+            # Nothing changes within a segment, so the phase in its middle stands for all.
             phase = (start + end) / 2 * timing.rate
             conditions.append([timing.condition(side, phase) for side in (COAST_SIDE, DRIVE_SIDE)])
         segments.append(Segment(2 * flint().arb.pi() * ball_of(start), conditions))
@@ -168,11 +179,12 @@ def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
 
 
 def _units(pair) -> dict[str, Any]:
-    """Return the units of length and frequency of a `GearPair` as balls, {"length", "frequency"}.
+    """Return the units of a `GearPair`, {"length": ..., "frequency": ...}, as balls (intervals).
 
-    These are the static deflection in m and the natural frequency in rad/s at the mean stiffness.
+    They are the static deflection in m, and the natural frequency in rad/s at the mean stiffness.
     """
     kappa = flint().arb(pair.stiffness_ratio)  # minimum over maximum stiffness
+    # The fraction of time with two tooth pairs in contact, where the stiffness is largest.
     overlap = flint().arb(pair.contact_ratio) - 1
     mean_stiffness = pair.max_stiffness * (kappa * (1 - overlap) + overlap)
     frequency = (mean_stiffness / pair.reduced_mass).sqrt()
@@ -180,12 +192,12 @@ def _units(pair) -> dict[str, Any]:
 
 
 def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, damping, **fields):
-    """Return the `BallModel` of a model with one coordinate.
+    """Return the `BallModel` of a model with one coordinate, the displacement.
 
     `ground_stiffness` acts without contact, and `flank_positions` are the displacements at which
-    the (coast, drive) flanks touch. `stiffness` has the levels of the (coast, drive) side, and
-    `damping` the coefficients for (coast-side contact, no contact, drive-side contact). `fields`
-    are the other fields of the `BallModel`.
+    the (coast, drive) flanks touch. `stiffness` lists the stiffness levels of the (coast, drive)
+    side, which the segments name by index, and `damping` the coefficients for (coast-side contact,
+    no contact, drive-side contact). `fields` are other fields of `BallModel`: segments and units.
     """
     arb = flint().arb
     unit_row = (arb(1),)
@@ -211,7 +223,10 @@ def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, 
 
 
 def _pair_in_balls(pair, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `GearPair`, which does not depend on the `tuning`."""
+    """Return the `BallModel` of a `GearPair`, its coefficients as balls (intervals), in SI units.
+
+    These do not depend on the `tuning`, which is an argument of all builders of such models.
+    """
     max_stiffness = flint().arb(pair.max_stiffness)
     kappa = pair.stiffness_ratio  # minimum over maximum stiffness
     overlap = Fraction(pair.contact_ratio) - 1
@@ -231,7 +246,8 @@ def _pair_in_balls(pair, tuning: float) -> BallModel:
 def _equation_in_balls(model, tuning: float) -> BallModel:
     """Return the `BallModel` of a model with one degree of freedom from its `Equation`.
 
-    The tuning nu is an exact number; the amplitudes of profile deviations depend on it.
+    The tuning nu (mesh frequency over natural frequency) is taken as an exact number. It matters,
+    because the force of a profile deviation grows with its square.
     """
     arb, equation = flint().arb, model.equation
     drive_side, coast_side = equation.stiffness_pieces()
@@ -264,7 +280,7 @@ def _equation_in_balls(model, tuning: float) -> BallModel:
 
 
 def _train_in_balls(train, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `GearTrain`, which does not depend on the `tuning`."""
+    """Return the `BallModel` of a `GearTrain`; the coefficients do not depend on the `tuning`."""
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
     coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)
@@ -273,7 +289,7 @@ def _train_in_balls(train, tuning: float) -> BallModel:
     for j, mesh in enumerate(train.meshes):
         max_stiffness = arb(mesh.max_stiffness)
         coast_constant, drive_constant = constants[:, j]
-        # Without coast-side contact the coast side has no flank distance.
+        # With infinite backlash there is no coast-side contact, and no flank distance.
         coast_constant = None if math.isinf(mesh.backlash) else coast_constant + mesh.backlash
         # The phase of the pitch point in mesh periods is rounded once, and exact thereafter.
         pitch_phase = Fraction(train.pitch_phases[mesh.name] / math.tau)
@@ -322,7 +338,10 @@ def _train_in_balls(train, tuning: float) -> BallModel:
 
 
 def _six_degrees_in_balls(model, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `SixDegreePair`, built from its train with units in balls."""
+    """Return the `BallModel` of a `SixDegreePair`, built from its train but with its own units.
+
+    The coefficients are balls (intervals) and do not depend on the `tuning`.
+    """
     train = TwoGears(gears=model, arithmetic=ball_arithmetic())
     # u3 and u2 are rotations as displacements on the line of action, y is along and z across it.
     coordinates = ("u3", "u2", *(BEARINGS[i] for i in model.elastic_bearings()))

@@ -103,9 +103,11 @@ def certify(orbit, digits: Annotated[int, Ge(10), Le(300), INTEGER] = 30):
 def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GUARD_BITS) -> Any:
     """Prove an orbit and return its certificate with at least `digits` decimal digits.
 
-    `contacts` are the contact codes and events of `simulated_contacts`. The precision is `digits`
-    and `guard_bits`, and is doubled if it does not suffice. Nearly coincident contacts, which are
-    enclosed in time windows, need more guard bits. Raise `ProofFailed` if the proof fails.
+    `contacts` are (contact codes at tau = 0, contact events), a result of `simulated_contacts`. The
+    proof starts with the precision of `digits` plus `guard_bits` binary digits, which is doubled if
+    the result has too few digits. If contacts nearly coincide, the proof is repeated with more
+    guard bits, because enclosing them in common time windows costs digits. Raise `ProofFailed` if
+    the proof fails.
     """
     bits = math.ceil(digits / math.log10(2.0)) + guard_bits
     reached_digits = 0
@@ -126,7 +128,8 @@ def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GU
 def simulated_contacts(orbit: Any) -> tuple[list, list]:
     """Simulate an orbit; return (contact codes of all meshes at tau = 0, contact events).
 
-    Events are (phase since tau = 0 in rad, index of the mesh, code before, code after). Raise
+    A contact code is 1 for drive-side contact, 0 for no contact, -1 for coast-side contact. Events
+    are (phase since tau = 0 in rad, index of the mesh, code before, code after). Raise
     `ProofFailed` if the simulated motion does not have the contact pattern of the orbit, or if
     proofs do not support its model.
     """
@@ -145,7 +148,7 @@ def simulated_contacts(orbit: Any) -> tuple[list, list]:
     lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
     codes = codes_without_events(lowest, highest, *model.flank_lines)
     pattern = pattern_of(codes, events)
-    # A mesh with events starts with the code before its first event.
+    # A mesh with events starts with the code before its first event, which comes last here.
     for _, mesh, before, _ in reversed(events):
         codes[mesh] = before
     if pattern != tuple(orbit.pattern):
@@ -155,10 +158,11 @@ def simulated_contacts(orbit: Any) -> tuple[list, list]:
 
 
 def pattern_of(codes: list, events: list[tuple]) -> tuple:
-    """Return the contact pattern of an orbit, a sequence of contact codes.
+    """Return the contact pattern of an orbit, a tuple of contact codes.
 
-    It has the code before the first event and the code after each event, where `events` are (phase,
-    mesh, code before, code after, ...). Without events it is `codes`, one for each mesh.
+    A code is 1 for drive-side contact, 0 for no contact, -1 for coast-side contact. `events` are
+    (phase, mesh, code before, code after, ...). The pattern has the code before the first event and
+    the code after each event. Without events it is `codes`, one for each mesh.
     """
     if not events:
         return tuple(codes)
@@ -171,8 +175,8 @@ class Proof:
     def __init__(self, orbit, codes: list, events: list[tuple]):
         """Prove an orbit, or raise `ProofFailed`.
 
-        `codes` are the contact codes of all meshes at tau = 0, and `events` the contact events of
-        `simulated_contacts`.
+        `codes` are the contact codes of all meshes at tau = 0 (1 drive side, 0 none, -1 coast
+        side), and `events` the contact events of `simulated_contacts`.
         """
         self.orbit, self.codes = orbit, tuple(codes)
         self.dynamics = dynamics = ArcDynamics(orbit.model, orbit.tuning)
@@ -219,10 +223,12 @@ class Proof:
         self.radius = krawczyk.uniqueness_radius(system, centre, inverse)
 
     def _check_derivative(self, windows: Windows, centre: list) -> None:
-        """Raise `ProofFailed` if the derivatives with windows differ from those of the path.
+        """Raise `ProofFailed` if the derivatives with windows differ from the ordinary derivatives.
 
-        `centre` are the state and the phases of the contacts, at which they are compared. They are
-        not compared with finite differences, because enclosures with windows are too wide.
+        Windows are time intervals around nearly coincident contact events. `centre` are the state
+        and the phases of the contact events, at which the monodromy matrices are compared. Only the
+        ordinary derivatives are compared with finite differences, because enclosures with windows
+        are too wide for that.
         """
         residuals, rows, *_ = self.path.equations(centre)
         krawczyk.check_derivative(self.path.equations, centre, residuals)
@@ -236,15 +242,16 @@ class Proof:
     def _newton_solution(self, state: list, events: list[tuple]) -> tuple[list, Any]:
         """Solve the equations of the orbit by Newton's method, and set `path` to its `Path`.
 
-        `state` is (y, dy/dtheta) of the candidate at tau = 0, and `events` are its contact events,
-        which are sorted again if their phases have changed their order. Return (zero of the
-        equations, inverse of their Jacobian matrix).
+        `state` is (y, dy/dtheta) of the candidate at tau = 0, displacements and rates, and `events`
+        are its contact events. If Newton's method changes the order of their phases, they are
+        sorted again and the iteration is repeated. Return (approximate zero of the equations,
+        approximate inverse of their Jacobian matrix).
         """
         for _ in range(_MAX_ORDERS):
             self.path = Path(self.dynamics, self.codes, events, self.orbit.period)
             centre, inverse = krawczyk.polish(self.path.equations, state + self.path.initial_phases)
             state, phases = centre[: len(state)], centre[len(state) :]
-            # Coincident contact events may have any order.
+            # Nearly coincident contact events may have any order.
             differences = [phase - next_phase for phase, next_phase in pairwise(phases)]
             if all(difference < smallest_interval() for difference in differences):
                 break
@@ -253,10 +260,12 @@ class Proof:
         return centre, inverse
 
     def contacts(self) -> list[tuple]:
-        """Return the proven contact events (phase, mesh, code before, code after, speed).
+        """Return the proven contact events as tuples (phase, mesh, code before, code after, speed).
 
-        The speed is the rate of the flank distance by the mesh phase; phases and speeds are balls.
+        The contact codes are 1 drive side, 0 none, -1 coast side. The speed is the rate of the
+        flank distance by the mesh phase tau; phases and speeds are balls (intervals).
         """
+        # The other nodes of the path are switches of the stiffness and the end of the orbit.
         nodes = [node for node in self.path.nodes if node.is_contact]
         return [
             (phase, node.mesh, node.before, node.after, speed * self.path.inverse_tuning)
@@ -271,7 +280,7 @@ class Proof:
         balls: list = []
 
         def enclosed(value):
-            """Convert balls in nested sequences to enclosures, and append them to `balls`."""
+            """Convert balls (intervals) in nested sequences to enclosures; add them to `balls`."""
             if isinstance(value, (list, tuple)):
                 return tuple(map(enclosed, value))
             if isinstance(value, flint().acb):
@@ -372,8 +381,8 @@ class _Range:
     def __init__(self, orbit, codes: list, events: list[tuple]):
         """Prove the orbit at the start of the range, or raise `ProofFailed`.
 
-        `codes` are the contact codes of all meshes at tau = 0, and `events` the contact events of
-        `simulated_contacts`.
+        `codes` are the contact codes of all meshes at tau = 0 (1 drive side, 0 none, -1 coast
+        side), and `events` the contact events of `simulated_contacts`.
         """
         if ArcDynamics(orbit.model, orbit.tuning).harmonic_columns:
             text = "with harmonics of load, deviation or run-out is not supported"
@@ -382,6 +391,7 @@ class _Range:
         proof = Proof(orbit, codes, events)
         self.orbit, self.codes = orbit, codes
         self.dynamics, self.events = proof.dynamics, proof.contacts()
+        # The box lacks the phases of the contact events if some of them share a time window.
         if len(proof.box) < self.dynamics.state_count + len(events):
             text = "a range of tunings with nearly coincident contacts is not supported"
             raise ProofFailed(COINCIDENT, text)
@@ -389,19 +399,21 @@ class _Range:
         self.last_orbit = proof.box
 
     def path(self, inverse_tuning: Any) -> Path:
-        """Return the path of the last proven orbit at other tunings.
+        """Return the equations of the last proven orbit at other tunings, a `Path`.
 
-        `inverse_tuning` is a ball that contains their 1 / nu.
+        `inverse_tuning` is a ball (interval) that contains 1 / nu of these tunings nu.
         """
+        # The unknowns are the state at tau = 0, then the phases of the contact events.
         phases = self.last_orbit[self.dynamics.state_count :]
         events = [(phase, *event[1:]) for phase, event in zip(phases, self.events, strict=True)]
         return Path(self.dynamics, self.codes, events, self.orbit.period, inverse_tuning)
 
     def prove_up_to(self, to: float, limit: Limit) -> RangeCertificate:
-        """Prove the range up to the tuning `to` piece by piece and return the certificate.
+        """Prove the range up to the tuning `to` and return the certificate.
 
-        A piece that cannot be proven is halved. The certificate ends early if the time `limit` is
-        over.
+        The range is divided into pieces, intervals of the tuning, which are proven one by one. A
+        piece that cannot be proven is halved; after a success the next piece is longer. The
+        certificate ends early if the time `limit` is over.
         """
         arb, start = flint().arb, float(self.orbit.tuning)
         tuning, step = start, _FIRST_PIECE * (to - start)
@@ -411,6 +423,7 @@ class _Range:
             if tuning == to:
                 break
             end = tuning + step
+            # The tuning increases or decreases, so the sign of the range decides.
             if (end - to) * (to - start) >= 0.0:
                 end = to
             inverse_end = 1 / arb(end)
@@ -444,11 +457,13 @@ class _Range:
         )
 
     def _prove_piece(self, inverse_tuning: Any, inverse_end: Any, previous_stability: Any) -> tuple:
-        """Prove a piece of the range, or raise `ProofFailed`.
+        """Prove that one orbit exists at each tuning nu of a piece, or raise `ProofFailed`.
 
-        `inverse_tuning` is a ball that contains 1 / nu of the piece, `inverse_end` the ball of its
-        end, and `previous_stability` the (stability, reason) of the previous piece, or None. Return
-        ((stability, reason), enclosure of the orbit at its end, (centre, radii) of its box).
+        A piece is an interval of the tuning. `inverse_tuning` is a ball (interval) that contains 1
+        / nu of the piece, `inverse_end` contains 1 / nu of its end. `previous_stability` is the
+        (stability, reason) of the previous piece, or None. Return ((stability, reason), enclosure
+        of the orbit at the end of the piece, (centre, radii) of the box of unknowns that contains
+        all its orbits).
         """
         path, n = self.path(inverse_tuning), self.dynamics.state_count
         zero, inverse = krawczyk.polish(self.path(inverse_tuning.mid()).equations, self.last_orbit)

@@ -46,9 +46,11 @@ class Node(NamedTuple):
         return self.phase is None
 
     def crosses(self, rate: Any) -> bool:
-        """Return whether a rate of the flank distance, a ball, has the sign of the contact change.
+        """Return whether the flank distance changes in the direction of the contact event.
 
-        The distance increases if the contact code increases.
+        `rate` is the rate of the flank distance, a ball (interval). The distance must increase if
+        the contact code increases (-1 coast side, 0 none, 1 drive side), and else decrease. A ball
+        that contains 0 proves neither.
         """
         return rate > 0 if self.after > self.before else rate < 0
 
@@ -63,10 +65,11 @@ class Arc(NamedTuple):
     frame_inverse: Any
 
     def propagated(self, columns: Any, time: Any) -> Any:
-        """Propagate columns over a duration near the duration of the arc.
+        """Propagate state vectors, the columns of a matrix, from the start to the end of the arc.
 
-        The given columns are components in the frame of the previous arc, and the returned ones in
-        the frame of this arc; `time` is a ball.
+        An arc is the motion between two events. `columns` are components in the frame (orthonormal
+        basis) of the previous arc, and the returned ones are in the frame of this arc. `time`, a
+        ball (interval), is near the approximate duration `self.time`.
         """
         return propagated(self.matrix, self.transition * columns, time - self.time)
 
@@ -75,11 +78,12 @@ class Path:
     """Nodes, arcs and equations of a periodic motion."""
 
     def __init__(self, dynamics, codes, events, period: int, inverse_tuning=None):
-        """Create the nodes and arcs of a motion over a period, in mesh periods.
+        """Create the nodes (events) of a motion and the arcs between them.
 
         `dynamics` are the `ArcDynamics` of the model, `codes` the contact codes of all meshes at
-        tau = 0, and `events` the sorted contact events (phase since tau = 0 in rad, index of the
-        mesh, code before, code after, ...). `inverse_tuning` is 1 / nu, a ball, by default for the
+        tau = 0 (1 drive side, 0 none, -1 coast side). `events` are the sorted contact events (phase
+        since tau = 0 in rad, index of the mesh, code before, code after, ...). `period` is the
+        duration in mesh periods. `inverse_tuning` is 1 / nu, a ball (interval), by default for the
         tuning nu of the dynamics.
         """
         self.dynamics, self.codes = dynamics, tuple(codes)
@@ -93,6 +97,7 @@ class Path:
         self.arcs: list = []
         frame, last_phase = identity(dynamics.size), 0
         for node, phase in zip(self.nodes, self.phases(self.initial_phases), strict=True):
+            # Phase over tuning is time. The approximate time serves only to choose the frame.
             time = ((phase - last_phase) * self.inverse_tuning).mid()
             columns = (node.matrix * time).exp() * frame
             frame = self._frame(node, columns)
@@ -105,7 +110,8 @@ class Path:
         """Create the nodes of the path: switches of the stiffness, contact events and the end.
 
         `events` are the sorted contact events (phase since tau = 0 in rad, index of the mesh, code
-        before, code after, ...); `period` is the period of the motion in mesh periods.
+        before, code after, ...), where codes are 1 drive side, 0 no contact, -1 coast side.
+        `period` is the period of the motion in mesh periods.
         """
         arb, dynamics, codes = flint().arb, self.dynamics, list(self.codes)
         mesh_period = 2 * arb.pi()
@@ -121,6 +127,7 @@ class Path:
         # The sort is stable for events with equal phases as floats.
         entries.sort(key=lambda entry: float(entry[0].mid()))
         segment_index = 0
+        # Each node has the system matrix of the arc that ends there.
         for phase, next_index, contact in entries:
             matrix = dynamics.system_matrix(codes, segment_index)
             if contact is None:
@@ -142,10 +149,10 @@ class Path:
         self.nodes.append(Node(matrix, mesh_period * period))
 
     def _frame(self, node: Node, columns: Any) -> Any:
-        """Return the orthonormal frame at a node, shape (size, size), by QR decomposition.
+        """Return the frame at a node, an orthonormal basis (size, size), by QR decomposition.
 
-        `columns` are the modal components of the frame at the previous node after propagation to
-        this node.
+        `columns` are the modal components of the previous frame after propagation to this `node`.
+        The frame follows their directions, so that boxes around a state grow little.
         """
         n, frame = self.dynamics.state_count, np.eye(self.dynamics.size)
         axes = np.array([[float(value) for value in row[:n]] for row in columns.tolist()[:n]])
@@ -159,7 +166,10 @@ class Path:
         return matrix_of(frame)
 
     def phases(self, contact_phases: list) -> list:
-        """Return the phases of all nodes, given the sorted phases of the contact events."""
+        """Return the phases of all nodes, given the sorted phases of the contact events.
+
+        The other nodes, switches of the stiffness and the end of the orbit, have known phases.
+        """
         phases = []
         remaining_phases = iter(contact_phases)
         for node in self.nodes:
@@ -167,11 +177,13 @@ class Path:
         return phases
 
     def start(self, state: list, unknown_count: int) -> Any:
-        """Return the initial state and its derivatives by the unknowns as columns.
+        """Return the initial state and its derivatives by the unknowns as columns of a matrix.
 
-        They are modal components, shape (size, 1 + unknown_count). `state` is (y, dy/dtheta) at
-        tau = 0, where theta = tau / nu; its entries are the first unknowns.
+        They are modal components, shape (size, 1 + unknown_count). `state` is (y, dy/dtheta) at tau
+        = 0, where y are displacements and theta is the mesh phase tau over the tuning. Its entries
+        are the first unknowns, so their derivatives are columns of the identity matrix.
         """
+        # At tau = 0 the cosine of each harmonic is 1 and its sine is 0.
         cosines_and_sines = [1, 0] * len(self.dynamics.harmonic_columns)
         columns = flint().arb_mat(self.dynamics.size, 1 + unknown_count)
         for i, value in enumerate([*state, 1, *cosines_and_sines]):
@@ -183,10 +195,11 @@ class Path:
     def equations(self, unknowns: list) -> tuple[list, list, list, list]:
         """Return (residuals, rows of their derivatives, arcs, end states) of the orbit equations.
 
-        The unknowns are (y, dy/dtheta) at tau = 0, where theta = tau / nu is mesh phase over
-        tuning, and the phases of the contact events, all as balls (intervals). The residuals are
-        the flank distances at the contact events, and the change of (y, dy/dtheta) over the period.
-        Arcs are (initial modal state, duration), and end states are the modal states at all nodes.
+        The unknowns are (y, dy/dtheta) at tau = 0, where y are displacements and theta is the mesh
+        phase tau over the tuning, and the phases of the contact events, all as balls (intervals).
+        The residuals are the flank distances at the contact events, and the change of (y,
+        dy/dtheta) over the period. `arcs` are (initial modal state, duration) between successive
+        nodes (events or switches of stiffness), and end states are the modal states at all nodes.
         """
         dynamics, inverse_tuning, n = self.dynamics, self.inverse_tuning, self.dynamics.state_count
         # The columns are the state and its derivatives by the unknowns.
@@ -229,13 +242,15 @@ class Path:
         return residuals, rows, arcs, ends
 
     def monodromy(self, rows: list) -> Any:
-        """Return the monodromy matrix of (y, dy/dtheta) from the derivatives of `equations`.
+        """Return the monodromy matrix of (y, dy/dtheta) from the derivatives in `rows`.
 
-        `rows` are the rows of these derivatives: first those of the contact events, then those of
-        the periodicity. The phases of the contact events are eliminated.
+        It maps a change of the state at tau = 0 to its change after the period. `rows` are the rows
+        of the derivatives from `equations`: first the equations of the contact events, then those
+        of periodicity. The phases of the contact events, which depend on the state, are eliminated.
         """
         arb_mat, n = flint().arb_mat, self.dynamics.state_count
         k = len(rows) - n  # number of contact events
+        # The equations of periodicity are final minus initial state, so the identity is added.
         state_block = arb_mat([row[:n] for row in rows[k:]]) + identity(n)
         if not k:
             return state_block
@@ -249,7 +264,8 @@ class Path:
     def determinant(self, arcs: list[tuple]) -> Any:
         """Return the determinant of the monodromy matrix by Liouville's formula.
 
-        `arcs` are (initial modal state, duration) of `equations`.
+        It is the exponential of the integral of the trace of the system matrix. `arcs` are (initial
+        modal state, duration) between successive nodes, as `equations` returns them.
         """
         exponent = flint().arb(0)
         for node, (_, duration) in zip(self.nodes, arcs, strict=True):
@@ -266,9 +282,10 @@ class Windows:
     """A `Path` with windows: time intervals around contact events without a proven order."""
 
     def __init__(self, path: Path, contact_phases: list):
-        """Group the nodes of a `Path`: contact events without a proven order share a window.
+        """Group the nodes of a `Path`: contact events without a proven order share a time window.
 
-        `contact_phases` are the sorted phases of its contact events, as balls.
+        Nodes are contact events, switches of the stiffness and the end of the orbit.
+        `contact_phases` are the sorted phases of the contact events, as balls (intervals).
         """
         self.path, self.dynamics = path, path.dynamics
         #: (indices of the nodes in the same window, phase)
@@ -290,9 +307,12 @@ class Windows:
     def equations(self, unknowns: list) -> tuple[list, list]:
         """Return (residuals, rows of their derivatives) of the periodicity of (y, dy/dtheta).
 
-        The unknowns are (y, dy/dtheta) at tau = 0, a list of balls.
+        The unknowns are the displacements y and rates dy/dtheta at tau = 0 (theta is the mesh phase
+        tau over the tuning), a list of balls (intervals). Residuals are their changes over the
+        period.
         """
         ends, rows, *_ = self.propagate(unknowns)
+        # Subtract the derivative of the initial state, the identity matrix.
         for i, row in enumerate(rows):
             row[i] -= 1
         return [end - value for end, value in zip(ends, unknowns, strict=True)], rows
@@ -300,10 +320,10 @@ class Windows:
     def propagate(self, unknowns: list, check_arcs: bool = False) -> tuple:
         """Return (final state, rows of its derivatives, phases, speeds, states at switches).
 
-        The unknowns are (y, dy/dtheta) at tau = 0, a list of balls. Phases and speeds are those of
-        the contact events; a phase is a ball that contains the whole window. The states at switches
-        of the stiffness are a dictionary by index of the node. With `check_arcs` it is proven that
-        no mesh touches a flank line between windows.
+        The unknowns are (y, dy/dtheta) at tau = 0 as balls (intervals). Phases and speeds (rates of
+        flank distances) belong to the contact events; a phase contains its whole time window.
+        States at switches of the stiffness are a dict by index of the node. `check_arcs` adds the
+        proof that no mesh touches a flank line between windows.
         """
         module, dynamics, path = flint(), self.dynamics, self.path
         n, codes = len(unknowns), list(path.codes)
@@ -345,16 +365,18 @@ class Windows:
         return [row[0] for row in rows], [row[1:] for row in rows], phases, speeds, switch_states
 
     def _half_length(self, indices: list[int], state: Any, ratio: int) -> Any:
-        """Return half the duration of a window, `ratio` times the uncertainty of its contacts.
+        """Return half the duration of a window, `ratio` times the uncertainty of its contact times.
 
-        The window contains the nodes with these indices, and `state` is a modal state near them.
-        Each uncertainty is the flank distance over its rate.
+        A window is a time interval around nearly coincident contact events. It contains the nodes
+        with the given `indices`, and `state` is a modal state near them, in balls (intervals). The
+        uncertainty of a contact time is the flank distance over its rate.
         """
         half_length = flint().arb(2) ** -(0.7 * flint().ctx.prec)
         for i in indices:
             node = self.path.nodes[i]
             distance = (node.distance * state)[0, 0]
             rate = (node.distance * (node.matrix * state))[0, 0]
+            # A rate that may be zero allows a grazing instead of a crossing.
             if not (rate > 0 or rate < 0):
                 raise ProofFailed(*_NO_CROSSINGS)
             bound = ratio * abs(distance).upper() / abs(rate).lower()
@@ -364,9 +386,10 @@ class Windows:
     def _pass_window(self, indices: list[int], state: Any, length: Any, codes: list) -> tuple:
         """Return (linearised map over a window, final state, speeds of the crossings).
 
-        The window contains the nodes with these indices, starts at the modal state `state` and has
-        the duration `length`. The contact codes of the meshes, `codes`, are changed in place. The
-        map refers to modal components; speeds are rates of flank distances.
+        A window is a time interval around nearly coincident contact events, here the nodes with the
+        given `indices`. It starts at the modal state `state` and has the duration `length`, in
+        balls (intervals). `codes`, the contact codes of the meshes, are changed in place. The map
+        refers to modal components; speeds are rates of flank distances.
         """
         module, dynamics, nodes = flint(), self.dynamics, self.path.nodes
         n, size, arb = len(dynamics.retained), dynamics.size, module.arb
@@ -376,6 +399,7 @@ class Windows:
         relative_change = (bound * length).expm1().upper()
         max_component = max(abs(value).upper() for value in state.entries())
         max_change = arb(0, (relative_change * max_component).upper())
+        # It contains the states at all times in the window.
         enclosure = state + column_of([max_change] * size)
         rate, jumps = matrices[0] * enclosure, [change * enclosure for change in changes]
         # Each jump of the rate acts for an unknown fraction of the window: a ball for [0, 1].
@@ -397,13 +421,15 @@ class Windows:
     def _crossing_speeds(self, indices, start, enclosure, end, rate, codes: list) -> list:
         """Prove that each mesh crosses its flank line once in a window; return the speeds.
 
-        The window contains the nodes with these indices. `start`, `enclosure` and `end` are the
-        modal states at its start, in the whole window and at its end, and `rate` is the rate of the
-        modal state, all as balls. The contact codes of the meshes, `codes`, are changed in place.
+        A window is a time interval around nearly coincident contact events, the nodes with the
+        given `indices`. `start`, `enclosure` and `end` are the modal states at its start, in the
+        whole window and at its end, `rate` is the rate of the modal state, all as balls
+        (intervals). Speeds are rates of flank distances. `codes`, the contact codes of the meshes,
+        are changed in place.
         """
         dynamics, nodes = self.dynamics, [self.path.nodes[i] for i in indices]
         codes_after, speeds = list(codes), []
-        # Flank line, (mesh, side), that each mesh crosses.
+        # Flank line, (mesh, side), that each mesh crosses. A mesh with two events may not cross.
         crossed = {node.mesh: (node.mesh, node.side) for node in nodes}
         if len(crossed) < len(nodes):
             raise ProofFailed(*_NO_CROSSINGS)

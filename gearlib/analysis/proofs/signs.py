@@ -30,9 +30,10 @@ class Curve:
     """A functional of the state along a piece of an arc: a polynomial with ball coefficients."""
 
     def __init__(self, coefficients: list, duration: Any, end: Any):
-        """Create the curve from `coefficients` in powers of the time since the start of the piece.
+        """Create the curve, a polynomial of the time, from its `coefficients` in increasing powers.
 
-        The time goes from 0 to `duration`, and `end` is the value there; all of these are balls.
+        The curve is a linear function of the state, such as a flank distance. The time goes from 0
+        to `duration`, and `end` is the value there. All are balls (intervals with error bounds).
         """
         self.value = flint().arb_poly(coefficients)
         self.rate = self.value.derivative()
@@ -42,13 +43,14 @@ class Curve:
         self.begin, self.end = coefficients[0], end
 
     def stationary_values(self, sign: int = 0) -> Iterator:
-        """Yield enclosures of the values of the curve where its rate is zero.
+        """Yield balls (intervals) that contain the values of the curve where its rate is zero.
 
-        With a `sign` of 1 or -1, values that cannot be the smallest of sign * value, or for which
-        it is proven to be positive, are left out.
+        With `sign` 1 or -1 the caller wants to prove that sign * value is positive. Then values are
+        left out if they are proven to satisfy this, or cannot be the smallest of sign * value.
         """
         arb, bisections = flint().arb, 0
-        parts = [(0.0, 1.0)]  # start and length of each part over the duration
+        # Parts of the curve that may have stationary values are bisected until they are decided.
+        parts = [(0.0, 1.0)]  # start and length of each part, as fractions of the duration
         negligible_radius = arb(2) ** (32 - flint().ctx.prec)
         while parts:
             low, length = parts.pop()
@@ -73,10 +75,11 @@ class Curve:
                 yield self._stationary_value(interval)
 
     def _zero_of_rate(self, interval: Any) -> Any:
-        """Return an enclosure of the zero of the rate in a time interval, or None if it has none.
+        """Return a narrow ball that contains the zero of the rate in a time interval, or None.
 
-        The interval is a ball in which the acceleration is not zero; it is narrowed by the interval
-        Newton method.
+        `interval` is a ball in which the acceleration is not zero, so that it has at most one zero
+        of the rate. It is narrowed by the interval Newton method; None is returned if it has no
+        zero.
         """
         while True:
             middle = interval.mid()
@@ -89,10 +92,10 @@ class Curve:
             interval = narrower
 
     def _stationary_value(self, interval: Any) -> Any:
-        """Return an enclosure of the value at a zero of the rate in a time interval, a ball.
+        """Return a ball that contains the value of the curve at a zero of the rate in `interval`.
 
-        If the interval extends beyond an end of the piece, the enclosure includes the value there,
-        because the zero may lie outside the piece.
+        `interval` is a ball of the time. If it extends beyond an end of the piece, the result
+        includes the value at this end, because the zero may lie outside the piece.
         """
         middle = interval.mid()
         # The mean value theorem gives a narrower ball, because the rate is small here.
@@ -106,11 +109,12 @@ class Curve:
 
 
 def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[list[Curve]]:
-    """Yield for each piece of an arc the `Curve`s of several functionals of the state.
+    """Yield for each piece of an arc the `Curve`s of several linear functions of the state.
 
-    The functionals are the rows of the matrix `rows`. On the arc, state' = matrix state; it goes
-    from `state` to the state `end` in the duration `time`. States are columns, shape (n, 1), and
-    all values are balls.
+    The functions are the rows of the matrix `rows`, such as flank distances. The arc, a motion
+    between two events with state' = matrix state, goes from `state` to the state `end` in the
+    duration `time`. It is divided into pieces of equal duration, which are short enough for Taylor
+    polynomials. States are columns, shape (n, 1); all values are balls (intervals).
     """
     module, matrix_norm = flint(), norm(matrix)
     start = state  # of the arc; `state` is the start of each piece
@@ -158,9 +162,10 @@ def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[
 def check_contacts(path: Any, arcs: list, ends: list, contact_phases: list) -> list:
     """Prove that a motion has the contact events of a `Path` and no others; return their speeds.
 
-    `arcs` are (initial modal state, duration) of the arcs of the path, `ends` are the modal states
-    at its nodes, and `contact_phases` the phases of its contact events, all as balls. The speeds
-    are the rates of the flank distances at the contact events. Raise `ProofFailed` without a proof.
+    The path consists of arcs between nodes (contact events, switches of the stiffness, the end).
+    `arcs` are (initial modal state, duration) of the arcs, `ends` the modal states at the nodes,
+    and `contact_phases` the phases of the contact events, all as balls (intervals). The speeds are
+    the rates of the flank distances at the contact events. Raise `ProofFailed` without a proof.
     """
     dynamics, codes, phases = path.dynamics, list(path.codes), path.phases(contact_phases)
     # Flank lines, (mesh, side), that are crossed at the start and at each node; None at a switch.
@@ -193,10 +198,10 @@ def check_contacts(path: Any, arcs: list, ends: list, contact_phases: list) -> l
 def check_arc(dynamics, matrix, state, end, time, codes, crossed, phase: float) -> None:
     """Prove that no mesh touches a flank line inside an arc, or raise `ProofFailed`.
 
-    `matrix` is the system matrix of the arc, which goes from the modal state `state` to `end` in
-    the duration `time`; `codes` are the contact codes of all meshes on it. `crossed` are the flank
-    lines, (mesh, side) or None, that are crossed at its start and its end. `phase` is the phase of
-    its end in rad, for the error message.
+    An arc is the motion between two events, with the system matrix `matrix`. It goes from the modal
+    state `state` to `end` in the duration `time`; `codes` are the contact codes of all meshes on
+    it. `crossed` are the flank lines, (mesh, side) or None, that are crossed at its start and at
+    its end. `phase` is the phase of its end in rad, for the error message.
     """
     bounds = contact_bounds(dynamics, codes)
     rows = flint().arb_mat([bound.row.entries() for bound in bounds])
@@ -234,10 +239,11 @@ class Bound(NamedTuple):
 
 
 def contact_bounds(dynamics: Any, codes: list) -> list[Bound]:
-    """Return the conditions for flank lines that the contact codes of all meshes set.
+    """Return the conditions on the flank distances that the contacts of all meshes require.
 
-    `codes` has a code for each mesh. If the clearance of a mesh varies, its contact also sets the
-    condition that the flank on the other side does not touch.
+    `codes` has a contact code for each mesh: 1 drive side, 0 none, -1 coast side. `dynamics` are
+    the `ArcDynamics`. If the clearance of a mesh in contact varies, a further condition is that the
+    flank on the other side does not touch.
     """
     bounds = []
     states = zip(codes, dynamics.model.meshes, dynamics.distance_rows, strict=True)
@@ -255,15 +261,17 @@ def contact_bounds(dynamics: Any, codes: list) -> list[Bound]:
 
 
 def extrema(path: Any, arcs: list, ends: list) -> tuple:
-    """Return (minimum, maximum) of the first coordinate along a `Path` as balls.
+    """Return (minimum, maximum) of the first coordinate along a `Path` as balls (intervals).
 
-    `arcs` are (initial modal state, duration) of its arcs; `ends` are the modal states at its
-    nodes.
+    `arcs` are (initial modal state, duration) of the arcs between its nodes (events); `ends` are
+    the modal states at the nodes.
     """
+    # The first row of the basis converts modal components to the first coordinate.
     displacement = flint().arb_mat([path.dynamics.basis.tolist()[0]])
     values = []
     for node, (state, time), end in zip(path.nodes, arcs, ends, strict=True):
         for (curve,) in pieces(node.matrix, state, end, time, displacement):
             values += [curve.begin, curve.end, *curve.stationary_values()]
+    # The minimum lies between the smallest lower bound and the smallest upper bound.
     lower, upper = [value.lower() for value in values], [value.upper() for value in values]
     return min(lower).union(min(upper)), max(upper).union(max(lower))
