@@ -556,7 +556,7 @@ def fit(gears, model, data, free):
 def gears(format, save, plot, force, **values):
     """Print geometry, mesh stiffness by each method and resonance of two gears given by geometry.
 
-    With a speed and a damping the table includes the duty point.
+    With a speed and a damping the table includes the motion at that speed, the duty point.
     """
     from gearlib.studies import gear_table
 

@@ -280,7 +280,10 @@ def _equation_in_balls(model, tuning: float) -> BallModel:
 
 
 def _train_in_balls(train, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `GearTrain`; the coefficients do not depend on the `tuning`."""
+    """Return the `BallModel` of a `GearTrain`, its matrices and meshes as balls (intervals).
+
+    These do not depend on the `tuning`, an argument of all builders.
+    """
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
     coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)

@@ -173,10 +173,11 @@ class Proof:
     """Proof of an orbit at a single tuning, at the current precision of ball arithmetic."""
 
     def __init__(self, orbit, codes: list, events: list[tuple]):
-        """Prove an orbit, or raise `ProofFailed`.
+        """Prove that an orbit exists, with its contact events, or raise `ProofFailed`.
 
-        `codes` are the contact codes of all meshes at tau = 0 (1 drive side, 0 none, -1 coast
-        side), and `events` the contact events of `simulated_contacts`.
+        `orbit` is the candidate, an `Orbit`. `codes` are the contact codes of all meshes at tau = 0
+        (1 drive side, 0 none, -1 coast side), and `events` the contact events of
+        `simulated_contacts`.
         """
         self.orbit, self.codes = orbit, tuple(codes)
         self.dynamics = dynamics = ArcDynamics(orbit.model, orbit.tuning)
@@ -194,7 +195,7 @@ class Proof:
         #: Enclosures of the state at tau = 0 and, without windows (time intervals around nearly
         #: coincident contacts), of the phases of the contacts.
         self.box = krawczyk.enclose(system, centre, inverse)
-        # The box has the phases of the contacts after the state.
+        # The box, a list of balls (intervals), has the phases of the contacts after the state.
         differences = [value - ball for ball, value in zip(self.box, candidate, strict=False)]
         self.distance = max(abs(difference).upper() for difference in differences)
         if not self.distance < MAX_DISTANCE:
@@ -206,12 +207,14 @@ class Proof:
         if windows.are_needed():
             results = windows.propagate(self.box, check_arcs=True)
             _, rows, self.phases, self.speeds, self.ends = results
+            # `map` is the monodromy matrix.
             self.map, self.determinant = flint().arb_mat(rows), None
         else:
             self.phases = self.box[n:]
             _, rows, self.arcs, self.ends = system(self.box)
             self.speeds = check_contacts(self.path, self.arcs, self.ends, self.phases)
             self.map, self.determinant = self.path.monodromy(rows), self.path.determinant(self.arcs)
+        # An orbit that may repeat earlier does not have the claimed smallest period.
         period = orbit.period
         for count, node in enumerate(self.path.period_ends, start=1):
             shorter = count * dynamics.excitation_period

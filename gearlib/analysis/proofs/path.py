@@ -115,7 +115,8 @@ class Path:
         """
         arb, dynamics, codes = flint().arb, self.dynamics, list(self.codes)
         mesh_period = 2 * arb.pi()
-        # Entries are (phase, index of the segment that starts or None, contact or None).
+        # Entries are (phase, index of the segment that starts or None, contact or None). A segment
+        # is an interval of constant stiffness in the period of the excitation.
         entries: list = []
         for start in range(0, period, dynamics.excitation_period):
             for index, segment in enumerate(dynamics.model.segments):
@@ -132,6 +133,7 @@ class Path:
             matrix = dynamics.system_matrix(codes, segment_index)
             if contact is None:
                 segment_index = next_index
+                # The first segment starts at phase 0, where no arc ends.
                 if phase > 0:
                     if next_index == 0:
                         self.period_ends.append(len(self.nodes))
@@ -408,7 +410,8 @@ class Windows:
         speeds = self._crossing_speeds(indices, state, enclosure, end, rate, codes)
         transition, growth = identity(size), arb(1)  # growth bounds the norm of the transition
         for i, jump, speed in zip(indices, jumps, speeds, strict=True):
-            # Contact forces change velocities only.
+            # A saltation matrix is the jump of the derivatives at a crossing: the jump of the rate
+            # over the crossing speed. Contact forces change velocities only.
             values = [value if n <= k < 2 * n else 0 for k, value in enumerate(jump.entries())]
             saltation = column_of(values) * nodes[i].distance * (1 / speed)
             transition += saltation

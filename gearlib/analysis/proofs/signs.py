@@ -72,6 +72,7 @@ class Curve:
                 bisections += 1
                 parts += [(low, 0.5 * length), (low + 0.5 * length, 0.5 * length)]
             else:
+                # Nothing is decided about this short part, so it counts as a stationary value.
                 yield self._stationary_value(interval)
 
     def _zero_of_rate(self, interval: Any) -> Any:
