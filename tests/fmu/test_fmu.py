@@ -89,6 +89,7 @@ def distances(train, state):
     ],
 )
 def test_settled_motion_matches_simulate(tmp_path, train, tuning, step):
+    """The FMU must end 200 mesh periods in the state that `simulate` computes."""
     # In 200 mesh periods with hundreds of events rounding adds up to about 1e-12.
     state = settled(train, tuning)
     run = {"periods": 200, "record_periods": 200, "samples_per_period": 1}
@@ -177,6 +178,7 @@ def test_accelerated_motion_matches_run_up(tmp_path, train, start, stop, step):
 
 @needs_compiler
 def test_reversing_motion_matches_integration_by_scipy(tmp_path):
+    """A train whose rotation reverses must follow an integration by scipy."""
     # The wheel stops the train after 11 ms and reverses its rotation.
     train = two_gears(rigid=True, deviation=Harmonics(), backlash=math.inf)
     (mesh,), gears, radii = train.meshes, train.bodies, np.array([0.045, 0.0675])
@@ -291,6 +293,7 @@ def test_backlash_and_torques_can_be_changed(tmp_path):
 
 @needs_compiler
 def test_bearing_forces_balance_the_mesh_force(tmp_path):
+    """Bearing forces must be opposite to the mesh force along the line of action."""
     train = two_gears()
     fmu = fmu_of(tmp_path, train, prescribed_speed=True).start()
     force, *bearings = fmu.get(

@@ -64,6 +64,7 @@ def test_dynamic_factors_of_all_speed_ranges_match_the_standard(mesh, torque, re
 
 
 def test_at_low_load_teeth_are_softer_and_the_main_resonance_begins_earlier():
+    """Below 100 N/mm teeth are softer by the power 1/4 of the load, as in ISO 6336-1."""
     mesh = fzg_c(quality=5)
     # The load is 25 N/mm at the reference circle, a quarter of the limit of 100 N/mm.
     torque = 25.0 * 14.0 * mesh.pinion.reference_diameter / 2.0
@@ -75,6 +76,7 @@ def test_at_low_load_teeth_are_softer_and_the_main_resonance_begins_earlier():
 
 
 def test_deviations_of_an_accuracy_class_match_the_standard():
+    """Pitch and form deviations must follow ISO 1328-1 and double every two classes."""
     # In class 5 of ISO 1328-1:2013 the deviations are 0.001 d + 0.4 m_n + 5 and 0.55 m_n + 5, in
     # um.
     # They double every two classes.

@@ -13,6 +13,7 @@ COSINE = math.cos(math.radians(20.0))
 
 
 def test_thickness_allowances_open_backlash_along_the_line_of_action():
+    """Allowances of both teeth must add up to the backlash, times the cosine of pressure angle."""
     gears_without_allowance = gears_of_20_teeth()
     # Gears without allowances get the backlash 2/3 (0.06 + 0.1 + 0.3) mm of ISO/TR 10064-2.
     assert gears_without_allowance.has_recommended_backlash
@@ -33,6 +34,7 @@ def test_thickness_allowances_open_backlash_along_the_line_of_action():
 
 
 def test_clearances_are_gaps_between_tip_and_root():
+    """Clearances must equal the gap from each tip to the root of the mate, in m."""
     # The dedendum exceeds the addendum by a quarter of the module, 1 mm.
     gears = (
         SpurGear(teeth=z, module=4e-3, width=0.02, shift=x) for z, x in ((25, 0.2), (60, -0.2))
@@ -81,6 +83,7 @@ def test_mirrored_gears_have_the_same_motion(hands):
 
 @pytest.mark.parametrize(("angles", "internal"), [((0.3, -0.2), False), ((0.3, -0.3), True)])
 def test_helices_that_contradict_each_other_are_refused(angles, internal):
+    """A wheel whose helix angle does not fit that of the pinion must be refused."""
     pinion, wheel = (
         SpurGear(teeth=z, module=3e-3, width=0.02, helix_angle=angle, internal=z > 50 and internal)
         for z, angle in zip((25, 80), angles, strict=True)

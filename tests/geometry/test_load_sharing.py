@@ -82,6 +82,7 @@ def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
 
 @pytest.mark.parametrize(("length", "spans"), [("short", [0.5]), (None, [0.4, 0.7, 1.0])])
 def test_no_relief_of_a_grid_is_better_than_the_optimum(length, spans):
+    """The optimum relief must give the least transmission error of all reliefs of a grid."""
     mesh, amounts = fzg_c(), (0.5e-5, 1e-5, 1.5e-5, 2.5e-5)
     optimum = optimum_relief(mesh, TORQUE, length=length, phases=64)
     least = optimum.transmission_error(TORQUE, phases=64).peak_to_peak_error.item()
@@ -104,6 +105,7 @@ def test_no_relief_of_a_grid_is_better_than_the_optimum(length, spans):
     ],
 )
 def test_optimum_relief_matches_the_best_of_a_fine_grid(teeth, module, width, torque, shape, least):
+    """The optimum must be within 2 % of `least`, the best error (um) of a fine grid."""
     rack = Rack(addendum=1.3, dedendum=1.55, tip_radius=0.1) if teeth[0] == 40 else "A"
     common = {"module": module, "width": width, "rack": rack}
     mesh = GearStage(*(SpurGear(teeth=abs(z), internal=z < 0, **common) for z in teeth))
@@ -113,6 +115,7 @@ def test_optimum_relief_matches_the_best_of_a_fine_grid(teeth, module, width, to
 
 
 def test_unloaded_transmission_error_is_the_least_gap():
+    """Without load the gears must touch where the gap between the flanks is least."""
     relief = TipRelief(amount=2e-5, length=fzg_c().longest_relief, shape="parabolic")
     mesh = fzg_c().with_reliefs(relief, None)
     error = mesh.transmission_error(0.0, deviation=PathTable((0.0,), (3e-6,)))
@@ -237,6 +240,7 @@ def test_a_tiny_helix_angle_gives_the_spur_gear_results():
 
 
 def test_optimum_relief_of_helical_gears_is_better_than_others():
+    """The optimum relief must give a smaller transmission error than every relief of a grid."""
     mesh, torque = iso_example(), 9000.0
     least = optimum_relief(mesh, torque).transmission_error(torque).peak_to_peak_error.item()
     for span, amount in itertools.product((0.5, 0.8, 1.0), (0.0, 2e-5, 4e-5, 6e-5, 8e-5)):

@@ -56,6 +56,7 @@ def compliance_by_quadrature(tooth, phi):
 
 @pytest.mark.parametrize("mesh", [iso_example(), fzg_c(), gears_of_20_teeth(), ring()])
 def test_tooth_compliance_matches_quadrature_of_the_strain_energy(mesh):
+    """Compare tooth compliance with numerical integration of the strain energy."""
     for position in np.interp([0.05, 0.5, 1.0], [0.0, 1.0], mesh.path):
         rolls = (position, mesh.wheel_roll_length(position))
         for gear, roll in zip((mesh.pinion, mesh.wheel), rolls, strict=True):
@@ -125,6 +126,7 @@ def test_helical_stiffness_is_the_average_over_the_face(method, slices, accuracy
 
 
 def test_below_a_contact_ratio_of_1_a_slice_has_one_pair_or_none():
+    """With a contact ratio below 1 the mean stiffness must be that of one pair while it touches."""
     mesh = short_teeth()
     pitches = mesh.contact_ratio * (np.arange(1000) + 0.5) / 1000
     mean = mesh.contact_ratio * energy_stiffness(mesh, pitches, 1).mean()
@@ -189,6 +191,10 @@ def test_compliance_coupling_through_the_body_matches_finite_elements(
 
 
 def test_coupling_of_tooth_pairs_decreases_with_their_distance():
+    """Compliance shared by two tooth pairs must be positive and fall with their distance.
+
+    `shared_compliances(3)` returns the values (m/N) of pairs one and two base pitches apart.
+    """
     pair = PairCompliance(short_teeth())
     near, far = pair.shared_compliances(3)
     assert 0.0 < far < near
@@ -198,6 +204,7 @@ def test_coupling_of_tooth_pairs_decreases_with_their_distance():
 
 
 def test_torsional_compliances_of_both_gears_add_up():
+    """Twist of the gear bodies must lower the stiffness, but only of a gear with a bore."""
     gears = [SpurGear(teeth=z, module=3e-3, width=0.02, bore=b) for z, b in ((30, 0.03), (40, 0.0))]
     pinion, without_twist, wheel, with_both = (
         mesh_stiffness(GearStage(*gears), "energy", twist=twist).mean_stiffness

@@ -225,6 +225,7 @@ def two_stages(teeth, angles=(0.0, 0.0), sense=1, keying=None, **more):
 
 
 def test_keyings_add_up_through_a_body_without_teeth():
+    """Keying angles over two shafts must add up to the phases of a single shaft."""
     train = two_stages((24, 36, 24, 36), keying=0.1)
     # Keyings may be given from either end of a shaft: 0.3 - 0.2 = 0.1.
     shafts = [

@@ -96,6 +96,7 @@ def test_the_mesh_force_at_low_speed_is_the_static_force(name):
 
 
 def test_the_mesh_force_of_rectangular_stiffness_jumps_at_any_speed():
+    """At low speed the force must jump by 1 / stiffness ratio when a pair leaves contact."""
     train = pair_train(spur(23, 61), model="rectangle")
     assert train.meshes[0].transmission_error == gearlib.Harmonics()
     factor = gearlib.duty_point(train, 10.0).peak_force_ratio

@@ -143,6 +143,7 @@ def test_first_events_match_the_first_sign_changes():
 
 
 def test_crossing_a_flank_line_changes_the_contact():
+    """Check the contact after a crossing for each code and line (1 drive, -1 coast, 0 none)."""
     after = {(1, 1): 0, (0, 1): 1, (-1, 1): BOTH, (1, -1): BOTH, (0, -1): -1, (-1, -1): 0}
     for (code, line), code_after in after.items():
         assert train_system.next_contact(code, line) == code_after
@@ -151,6 +152,7 @@ def test_crossing_a_flank_line_changes_the_contact():
 
 
 def test_every_combination_of_contacts_gets_its_own_hash_slot():
+    """All 243 combinations of five contact codes must be stored and found in separate slots."""
     keys, slots = np.array(list(product(range(3), repeat=5)), np.int8), np.full(512, -1)
     for row, key in enumerate(keys):
         slot = modal_arcs.find_slot(slots, keys, key.astype(np.int64))

@@ -74,6 +74,7 @@ def test_a_motion_repeats_only_if_displacement_and_velocity_both_repeat(componen
 
 
 def test_a_perturbation_grows_with_the_largest_multiplier():
+    """A perturbation must grow per map by the largest eigenvalue, 2, and vanish for zero maps."""
     maps, logarithms = np.tile(np.diag([2.0, 0.5]), (60, 1, 1)), np.empty(60)
     perturbation = np.array([1.0, 1.0])
     assert propagate_perturbation(maps, np.array([1.0, 3.0]), perturbation, logarithms)

@@ -46,6 +46,7 @@ def test_contact_follows_its_equation_and_turns_where_its_velocity_is_zero(level
     [(*case, line) for case in CASES for line in (-1.1, -0.5, 0.2) if case[1][0] > line],
 )
 def test_a_descent_is_found_at_the_first_crossing_of_a_dense_curve(level, start, line):
+    """The time of descent to `line` must be the first zero of a densely sampled motion."""
     assert events.descent_time(level, line, -1.0, line, 6.0) == 0.0
     times = np.linspace(0.0, 6.0, 601)
     heights = np.array([motion.evolve(level, *start, t)[0] for t in times]) - line
@@ -109,6 +110,7 @@ def test_arcs_of_a_period_join_and_change_contact_at_the_flank_lines():
 
 
 def test_the_period_map_matches_difference_quotients():
+    """The derivative of a period must match central differences with a step of 1e-6."""
     start, period_map = np.array([-0.5, -3.0]), np.eye(2)
     arcs, h = marched(*start)[1], 1e-6
     first_code = int(arcs[0, events.CONTACT])

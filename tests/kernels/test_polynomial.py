@@ -61,6 +61,7 @@ def test_the_first_of_many_roots_is_found(seed):
 
 
 def test_crossings_of_curves_that_touch_or_start_at_zero():
+    """Check first downward zeros of polynomials, whose coefficients are in ascending order."""
     assert first_crossing(0.25, -1.0, 1.0) == 2.0
     assert first_crossing(0.0, 1.0, -2.0) == pytest.approx(0.5)
     assert first_crossing(0.0, 0.0, 1.0, -4.0) == pytest.approx(0.25)

@@ -87,6 +87,7 @@ def test_the_map_of_a_step_matches_difference_quotients(name, code, sign):
 
 
 def test_a_map_includes_the_jump_of_the_damping():
+    """The map of a crossing must contain the jump of the damping force at the velocity there."""
     mesh, crossing_map, v = MESHES["everything"], np.eye(2), -0.8
     constants, _ = series.tabulate_mesh(mesh)
     perturbations.map_crossing(constants, SEGMENT, DRIVE, NO_CONTACT, v, crossing_map)
@@ -96,6 +97,7 @@ def test_a_map_includes_the_jump_of_the_damping():
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_crossing_is_located_as_a_fraction_of_the_step(direction):
+    """A crossing must be given as a fraction of the step: 0.6 / 0.8, or 2 if beyond the step."""
     tables = bernstein_matrix(ORDER), np.empty((WORK_ROWS, ORDER + 2))
     terms = np.zeros((series.ROWS, ORDER + 1))
     terms[0, :3] = 0.5, direction * 0.3, -direction * 0.5  # the line is reached again at 0.6
@@ -119,6 +121,7 @@ def teeth_motion(x, v):
 
 
 def test_a_force_law_over_time_matches_the_law_over_phase():
+    """A polynomial in phase must have the same value after expansion in time."""
     factor, offset = map(Polynomial, teeth._expand_law(LAW, 0.4, 0.9, -0.3))
     for time in (0.0, 0.6, 1.5):
         phase = 0.4 + 0.9 * time - 0.15 * time**2
@@ -154,6 +157,7 @@ def test_a_motion_of_tooth_pairs_satisfies_its_equation_and_its_map():
 
 
 def test_tooth_pairs_touch_where_they_overlap():
+    """The set of touching tooth pairs must hold each pair whose overlap is positive."""
     # The overlap of a pair is x minus its gap. Bits of a set are pairs, and 4 is the coast side.
     overlaps = np.zeros((4, 2, 6))
     overlaps[:, :, teeth.FACTOR], overlaps[:, :, teeth.OFFSET] = 1.0, (0.1, 0.3)

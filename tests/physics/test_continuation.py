@@ -39,6 +39,7 @@ def rising_branch():
 
 
 def test_a_search_over_six_periods_reports_the_least_period_two():
+    """A search over six mesh periods must report the least period of the orbit it finds."""
     pair = GearPair.from_ratios(
         contact_ratio=1.6, stiffness_ratio=0.6, damping=0.02, backlash_ratio=math.inf
     )
@@ -75,6 +76,10 @@ def test_period_doublings_lie_at_the_edges_of_the_tongue():
 
 
 def test_a_branch_from_a_period_doubling_repeats_after_two_periods():
+    """Follow the branch of doubled period from a period-doubling point.
+
+    Its motions must repeat after two mesh periods and not after one.
+    """
     pair = PAPER.replace(backlash_damping=3953.7)
     branch = continue_orbit(
         periodic_orbit(pair, 0.65, guess=meissner.orbit_state(pair, 0.65)), to=0.67

@@ -45,6 +45,7 @@ def test_state_and_events_of_both_exact_methods_match_50_digits(name):
 
 
 def test_taylor_steps_are_right_where_the_exact_method_refuses_the_model():
+    """Taylor steps must solve the difficult problems with models the exact method does not take."""
     # Golden data compare the two methods on all other problems.
     exact = integrators.METHODS["exact"]
     problems = [problem for problem in PROBLEMS.values() if not exact.supports(problem.model)]
@@ -59,6 +60,7 @@ def test_taylor_steps_are_right_where_the_exact_method_refuses_the_model():
 
 @pytest.mark.parametrize(("rtol", "events"), [(1e-3, False), (1e-12, False), (1e-12, True)])
 def test_scipy_misses_a_double_crossing_within_a_step_at_any_tolerance(rtol, events):
+    """A flank line that is crossed twice within one step of scipy must give a missed event."""
     # A terminal event does not help either: its sign is evaluated at the ends of steps.
     options = {"solver": "DOP853", "rtol": rtol, "atol": rtol, "events": events}
     outcome = failures.try_method(PROBLEMS["double_crossing"], "scipy", options)

@@ -60,6 +60,7 @@ def test_a_duty_point_of_coprime_stages_records_one_cycle_after_the_transient():
 
 
 def test_a_truncated_transient_is_reported_with_its_remaining_amplitude():
+    """The comment on an operating point must say that its transient was cut off."""
     train = three_stages(damping=3e4)
     # Shafts of so little damping let free vibrations last longer than the longest transient.
     shafts = [

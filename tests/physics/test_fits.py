@@ -46,6 +46,10 @@ def test_a_fit_without_coast_contact_reports_a_lower_bound_of_the_backlash():
 
 
 def test_a_fit_with_coast_contact_recovers_the_backlash():
+    """Fit the backlash to synthetic data in which both flanks touch.
+
+    Contact of the coast flank is what makes the backlash visible in the data.
+    """
     truth = TRUTH.replace(backlash=1e-5)
     data = synthetic_rig(truth, course(truth), seed=0)
     fit = gearlib.fit(truth.replace(backlash=1.2e-5), data, {"backlash": (2e-6, 6e-5)})
@@ -67,6 +71,7 @@ def jump_speeds(pair):
 
 
 def test_two_jump_speeds_determine_two_parameters():
+    """Fit two parameters to two jump speeds, so that the fit must return the true values."""
     free = {name: FREE[name] for name in ("material_damping", "reduced_mass")}
     guess = TRUTH.replace(reduced_mass=3.05, material_damping=4200.0)
     fit = gearlib.fit(guess, jump_speeds(TRUTH), free)
@@ -100,6 +105,10 @@ def noisy_orbit(model, speed, names):
 
 
 def test_load_sharing_and_orders_determine_a_stiffness_and_a_pin_error():
+    """Fit a sun mesh stiffness and a pin error of a planetary train to noisy orbits.
+
+    The true values must lie within five standard errors and in the reported intervals.
+    """
     # Ring and carrier do not move sideways.
     truth = planetary_set(support_stiffness=(1e8, math.inf, math.inf, 1e8))
     names = [*(f"load_sharing_sun_{i}" for i in (1, 2, 3)), "order_amplitude_1_sun_1"]
@@ -116,6 +125,7 @@ def test_load_sharing_and_orders_determine_a_stiffness_and_a_pin_error():
 
 
 def test_every_settable_parameter_reads_back_the_value_set():
+    """Setting any parameter by name to its present value must leave the model unchanged."""
     # Two axes with different values have no common name.
     train = planetary_set().with_values({"support_damping of body sun, y": 7.0})
     assert "support_damping of body sun" not in train.settable
@@ -144,6 +154,7 @@ def test_every_settable_parameter_reads_back_the_value_set():
     ],
 )
 def test_a_fit_without_usable_data_or_parameters_is_refused_in_one_sentence(changes, words):
+    """A fit must refuse each unusable input in one line that names the cause."""
     settings = {"model": TRUTH, "data": jump_speeds(TRUTH)}
     settings["free"] = {"reduced_mass": FREE["reduced_mass"]}
     with pytest.raises(ValueError, match="not allowed") as refusal:

@@ -61,6 +61,7 @@ def test_too_few_samples_in_a_mesh_period_are_refused():
 
 
 def test_orders_of_a_growing_wave_match_its_fourier_integrals():
+    """Compare order amplitudes of a linearly growing wave with its Fourier integrals per turn."""
     turns = (np.arange(3 * 500 + 2) + 0.3) / 500.0
     signal = (1.0 + 0.2 * turns) * np.cos(2.0 * np.pi * 24.0 * turns)
     orders = regress_mesh_orders(turns, signal, np.arange(4), 24)[0]
@@ -77,6 +78,7 @@ def assert_fit_recovers_truth(result):
 
 
 def test_a_run_up_from_a_known_phase_determines_the_parameters():
+    """Fit a run-up whose initial mesh phase (rad) is known; a wrong phase must not fit."""
     phase = 4.0
     result = gearlib.fit(GUESS, run_up(phase, seed=2, gain=2.0, phase=phase), FREE)
     assert_fit_recovers_truth(result)
@@ -91,6 +93,7 @@ def test_a_run_up_from_a_known_phase_determines_the_parameters():
 
 
 def test_a_fit_omits_revolutions_with_gaps():
+    """Revolutions with missing samples must be left out with a warning and not spoil the fit."""
     data = run_up(0.0, seed=2)
     gap = (data.time > 0.25) & (data.time < 0.27)
     for data_with_gap in (data.isel(sample=~gap.values), data.where(~gap)):
@@ -118,6 +121,7 @@ def test_a_fit_reports_a_model_that_does_not_describe_data_of_known_noise(
 
 
 def test_a_run_up_whose_jumps_leave_no_whole_revolution_is_refused():
+    """A run-up must be refused if no revolution remains after those near jumps are left out."""
     data = run_up(0.0, seed=2)
     data["displacement"] = data.displacement.where(data.time < 0.24, 3.0 * data.displacement)
     with pytest.raises(ValueError, match="time = 'of 27 rev.* jumps in 10' is.* 24 after a jump"):
@@ -125,6 +129,7 @@ def test_a_run_up_whose_jumps_leave_no_whole_revolution_is_refused():
 
 
 def test_a_step_in_the_first_revolutions_hides_no_later_jump():
+    """A jump at revolution 80 must be found although a larger step precedes it."""
     orders = np.ones((160, 3), complex)
     # The first three revolutions, which are not compared, contain a step larger than the jump.
     orders[3:] *= 20.0

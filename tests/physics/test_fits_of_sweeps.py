@@ -44,6 +44,7 @@ def resonance(pair, seed, names=(*HEIGHT, "contact_loss_fraction"), gain=1.0, co
 
 
 def test_a_fit_to_exact_curves_of_unknown_noise_recovers_the_damping():
+    """A fit to curves without noise must return the damping with which they were computed."""
     # Jump speeds are known to half a step only. If they shared one noise scale with the curves,
     # they would change the damping by 12 %.
     guess, bounds = TRUTH.replace(material_damping=4200.0), FREE["material_damping"]
@@ -54,6 +55,7 @@ def test_a_fit_to_exact_curves_of_unknown_noise_recovers_the_damping():
 
 
 def test_the_load_is_not_identifiable_with_an_unknown_gain():
+    """A fit must report that load and unknown gain of the sensor cannot be separated."""
     # While the coast flank is not touched, displacements are proportional to the load and fractions
     # of time do not depend on it.
     data = resonance(TRUTH, 1, gain=2.5)
@@ -76,6 +78,7 @@ def test_a_speed_measured_twice_counts_twice():
 
 
 def test_points_are_compared_with_the_branch_on_their_side_of_the_jump():
+    """Residuals of sweep points must refer to the solution branch on which each point lies."""
     data = resonance(TRUTH, 2, count=21)
     points, jumps = observations_of(TRUTH, data)
     drawn_jumps = jumps.draw(jumps.predicted_signals(TRUTH))
@@ -99,6 +102,10 @@ def test_points_are_compared_with_the_branch_on_their_side_of_the_jump():
 
 
 def test_jumps_and_onset_of_gears_on_rigid_bearings_match_their_pair():
+    """Jump speeds of gears on rigid bearings must equal those of the one-degree pair.
+
+    Rigid bearings leave the same single degree of freedom.
+    """
     # The speeds are searched near the measured ones, by sweeps and branches of all coordinates.
     model = gears(math.inf, 3953.7, 3953.7)
     tunings = {"jump_down": 0.7, "jump_up": 0.82, "onset_of_contact_loss": 0.8}
@@ -110,6 +117,7 @@ def test_jumps_and_onset_of_gears_on_rigid_bearings_match_their_pair():
 
 @pytest.mark.parametrize("name", ["speed", "displacement_max"])
 def test_missing_values_are_refused(name):
+    """A NaN among measured values must be refused by the name of its variable."""
     data = resonance(TRUTH, 1, HEIGHT)
     data[name].values[3] = np.nan
     message = f"^{name} = .*NaN.* not allowed: it must be finite in each"

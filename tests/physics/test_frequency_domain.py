@@ -19,6 +19,10 @@ CONSTANT = gearlib.GearPair.from_ratios(
 
 
 def test_motion_at_constant_stiffness_matches_the_closed_form():
+    """Compare both solvers with the exact harmonic response.
+
+    The motion is linear, so that coefficients and multipliers follow from the frequency response.
+    """
     # The motion is linear with a single harmonic: x = 1 + amplitude / dynamic_stiffness.
     pair = OneDegreePair(pair=CONSTANT, excitation=gearlib.Harmonics(cosines=(0.0, 0.3)))
     nu = 0.8
@@ -43,6 +47,7 @@ def test_motion_at_constant_stiffness_matches_the_closed_form():
 @pytest.mark.parametrize("solver", [harmonic_balance, schmidt])
 @pytest.mark.parametrize(("pair", "nu"), [(BOTH, 0.7), (MATERIAL, 1.0), (CUBIC, 0.9)])
 def test_orbits_events_and_multipliers_match_exact_orbits(solver, pair, nu):
+    """Compare truncated Fourier series with orbits that are exact between contact events."""
     result = solver(pair, nu, harmonics=64)
     solution_errors = errors(result)
     # The jump of the acceleration costs truncated series of h = 64 harmonics 0.25 / h^2 of the
@@ -61,6 +66,7 @@ def test_orbits_events_and_multipliers_match_exact_orbits(solver, pair, nu):
 
 
 def test_orbits_that_reach_the_coast_flank_match_exact_orbits():
+    """Compare the solvers with the exact orbit of a motion that touches both flanks."""
     # The upper branch, followed from tuning 1 down to 0.66, touches both flanks, 1 and -1.
     curve = gearlib.sweep(
         MATERIAL, np.linspace(0.66, 1.0, 18), periods=120, record_periods=1, direction="down"
@@ -85,6 +91,7 @@ def ordered(multipliers):
 # At the larger damping only the product of the multipliers shows whether one is found twice.
 @pytest.mark.parametrize(("nu", "damping"), [(1.5, 800), (2.0, 800), (2.0, 4000)])
 def test_multipliers_without_contact_loss_match_the_exact_orbit(nu, damping):
+    """Multipliers by harmonic balance must equal those of the exact orbit of a linear mesh."""
     # Inside the tongue around nu = 2 the multipliers are real and negative, one less than -1.
     pair = FREE.replace(backlash=0.0, material_damping=damping, backlash_damping=damping)
     orbit, result = periodic_orbit(pair, nu, guess=(1.0, 0.0)), harmonic_balance(pair, nu)
@@ -98,6 +105,7 @@ def test_multipliers_without_contact_loss_match_the_exact_orbit(nu, damping):
 
 
 def test_a_diverging_iteration_reports_no_multipliers():
+    """A diverging iteration must end early with NaN for multipliers and error bounds."""
     # Without degenerate harmonics the successive approximations diverge here.
     start = 5.0 * np.cos(np.arange(16) * np.pi / 8)
     result = schmidt(CUBIC, 0.95, harmonics=8, degenerate=0, guess=start, max_iterations=200)
@@ -107,6 +115,7 @@ def test_a_diverging_iteration_reports_no_multipliers():
 
 
 def test_a_period_1_orbit_is_also_found_over_two_periods():
+    """A search over two mesh periods must return the orbit that repeats after one."""
     # Over two periods only even harmonics are left, and the multipliers are squared.
     single = harmonic_balance(MATERIAL, 1.0, harmonics=32)
     double = harmonic_balance(MATERIAL, 1.0, harmonics=64, samples=1024, period=2)

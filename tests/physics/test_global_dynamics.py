@@ -43,6 +43,7 @@ def grid(count):
     ("pair", "tuning", "periods"), [(MATERIAL, 0.72, 1), (BOTH, 1.75, 2), (LIGHT, 2.05, 3)]
 )
 def test_basins_match_runs_event_by_event(pair, tuning, periods):
+    """Compare the attractor of each initial state with a run from contact event to event."""
     result = basins(pair, tuning, grid(17))
     states = np.stack(np.meshgrid(result.displacement, result.velocity, indexing="ij"), axis=-1)
     # After 600 periods all runs are settled: the slowest orbit attracts by exp(-0.03) per period.
@@ -67,6 +68,7 @@ def test_basins_match_runs_event_by_event(pair, tuning, periods):
 
 
 def test_chaotic_and_unbounded_motions_are_classified():
+    """Basins must tell chaotic and unbounded motions from periodic ones."""
     lightly_damped = gear_pair(
         damping=0.0164, backlash_ratio=7.2, contact_ratio=1.6, stiffness_ratio=0.35
     )
@@ -122,6 +124,7 @@ def test_poincare_sections_match_samples_of_the_time_course():
 
 
 def test_a_bifurcation_diagram_matches_the_sweep():
+    """A bifurcation diagram must agree with a sweep of the same number of periods per tuning."""
     tunings = np.linspace(0.6, 1.0, 41)
     for direction in ("up", "down"):
         diagram = gearlib.bifurcation_diagram(

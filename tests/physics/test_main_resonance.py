@@ -57,6 +57,7 @@ def test_jumps_onset_and_peak_match_a_whole_branch(nominal_search):
 
 
 def test_the_fold_of_a_narrow_hysteresis_is_found():
+    """Jump speeds must be found just below the damping at which both jumps meet, not above it."""
     # Bisection finds the damping at which both jumps meet; just below they are 0.3 rpm apart.
     model = PAPER.replace(backlash_damping=500.0, backlash=60e-6, stiffness_ratio=0.6)
     low, high = 4e3, 1.4e4
@@ -105,6 +106,7 @@ def test_a_design_without_jumps_reports_no_jump_and_the_linear_peak(nominal_sear
 
 
 def test_quantities_at_the_duty_point_match_duty_point(nominal_search):
+    """Quantities of a design search must equal those of `duty_point` at the same speed."""
     values = dict(zip(NAMES, nominal_search.nominal, strict=True))
     point = gearlib.duty_point(DAMPED, float(DAMPED.speed(0.9)))
     assert values["peak_force_ratio"] == pytest.approx(float(point.peak_force_ratio), rel=1e-9)
@@ -145,6 +147,7 @@ def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
 
 
 def test_sobol_indices_of_a_quotient_match_its_moments():
+    """Compare Sobol' indices of load / stiffness with closed forms from the moments of both."""
     # At constant stiffness the mesh rests at load / stiffness, so that the contact margin is a
     # product of two independent variables, whose indices follow from their moments.
     model = PAPER.replace(stiffness_ratio=1.0, material_damping=4e3)

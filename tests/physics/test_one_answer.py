@@ -71,6 +71,7 @@ def configuration(gears):
 
 @pytest.mark.parametrize("gears", [SPUR, HELICAL, RING])
 def test_library_commands_and_explorer_give_the_same_dynamic_factor(gears, tmp_path, monkeypatch):
+    """Six ways to the dynamic factor must agree, and it must tend to 1 at low speed."""
     monkeypatch.chdir(tmp_path)
     mapping = configuration(gears)
     (tmp_path / "gears.yaml").write_text(yaml.safe_dump(mapping), encoding="utf-8")

@@ -246,6 +246,7 @@ def test_single_irregular_tacho_pulses_are_repaired_and_reported(per_turn, speed
 
 
 def test_the_map_of_a_signal_stays_empty_in_a_gap():
+    """Blocks of an order map that touch a gap in the signal must be drawn empty."""
     data, _ = ramp(600.0, 1800.0)
     data["acceleration"] = data.acceleration.where(np.abs(data.time - 3.0) > 0.2)
     figure = plot.order_map(gearlib.order_map(data, **OPTIONS), figure=Figure())

@@ -62,6 +62,7 @@ def test_edges_of_tongues_match_50_digits(ratios):
 
 @pytest.mark.parametrize("ratios", MESHES)
 def test_the_period_map_matches_50_digits(ratios):
+    """Compare the matrix that maps the state over a mesh period with one in 50 digits."""
     nu = 0.66
     result, _ = meissner.period_map(mesh(*ratios), nu)
     with mpmath.workdps(50):
@@ -115,6 +116,7 @@ def test_both_edges_of_a_tongue_merge_at_its_closing_damping(order):
 
 
 def test_damping_may_open_a_closed_tongue_again():
+    """The growth in an instability tongue must change sign twice as the damping rises."""
     # At the softer level the mesh is nearly overdamped, so that damping mainly lowers its
     # frequency.
     ratios, order = (1.0653989653616667, 0.00046219012511841736), 5
@@ -168,6 +170,7 @@ def test_tongues_of_a_table_have_multiplier_minus_one_at_edges_and_close_with_da
 
 
 def test_tongues_on_rigid_bearings_match_the_one_degree_model():
+    """Instability tongues of gears on rigid bearings must equal those of the one-degree pair."""
     pair = gears(bearing=math.inf, material=80.0)
     six_tongues = tongues(pair, start=0.45, stop=1.2, step=0.01)
     pair_tongues = tongues(pair.pair, start=0.45, stop=1.2)
@@ -189,6 +192,7 @@ def test_tongues_on_rigid_bearings_match_the_one_degree_model():
 
 
 def test_soft_bearings_cause_combination_resonance():
+    """Soft bearings must give a tongue with complex multipliers: combination resonance."""
     pair = gears(bearing=1e8, **EVERYTHING)
     result = tongues(pair, start=1.3, stop=1.45, step=0.005)
     # The value 0 marks edges with complex multipliers, as combination resonances have.

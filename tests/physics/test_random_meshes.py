@@ -85,6 +85,7 @@ def test_no_event_of_a_random_mesh_is_missed_or_invented(seed):
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_near_misses_of_the_coast_flank_are_told_from_hits(side):
+    """A free flight that passes the coast flank at a tiny distance must be classified rightly."""
     tuning, damping, gap = 0.8, 0.05, 2.0
     ratios = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash_ratio": gap}
     pair = GearPair.from_ratios(damping=damping, backlash_damping=damping, **ratios)

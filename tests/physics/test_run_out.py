@@ -37,6 +37,7 @@ def test_a_damped_motion_repeats_with_the_run_out(teeth, repeats, nu):
 
 
 def test_trust_is_undecided_below_two_repeats_of_the_run_out():
+    """`trust` must not judge a motion that is shorter than two periods of the run-out."""
     # The longer run of `trust` has 1200 periods, which are less than two repeats as well.
     result = trust(damped(UNEQUAL), 0.9, periods=300, exponent_periods=100)
     assert result.label == "undecided"
@@ -67,6 +68,7 @@ def test_the_period_is_judged_over_a_whole_repeat_of_the_run_out():
 
 
 def test_a_sweep_carries_the_run_out_phase_from_one_tuning_to_the_next():
+    """A sweep at equal tunings must equal one uninterrupted run, also in the phase of run-out."""
     # All tunings are equal up to rounding, so that the downward sweep is one continuous run.
     pair, nu = damped(UNEQUAL), 0.9
     tunings = nu + 1e-13 * np.arange(5)

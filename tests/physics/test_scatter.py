@@ -99,6 +99,7 @@ def test_random_starts_lead_to_both_motions_where_sweeps_up_and_down_differ(whol
 
 
 def test_samples_that_cannot_be_built_are_counted_and_reported():
+    """Samples with a contact ratio above 2 must be counted as refused, and not be run."""
     options = {"contact_ratio": {"mean": 1.9, "std": 0.1}}
     result = scatter(PAIR, options, n=128, tunings=[0.9], quantities=())
     count = int((result.refusal != "").sum())
@@ -109,6 +110,7 @@ def test_samples_that_cannot_be_built_are_counted_and_reported():
 
 
 def test_jump_and_onset_speeds_of_samples_match_their_models():
+    """Speeds of random samples must agree with sweeps of the sampled models."""
     options = {"max_stiffness": {"std": "1 %"}, "contact_ratio": {"mean": 1.9, "std": 0.06}}
     names = ("jump_up", "onset_of_contact_loss")
     result = scatter(PAIR, options, names, n=16)

@@ -89,6 +89,8 @@ def test_derivatives_of_an_orbit_and_its_multipliers_match_50_digits():
 
 
 def test_the_derivative_of_a_run_up_with_respect_to_the_load_matches_the_closed_form():
+    """The displacement of a linear run-up must have the derivative displacement / load."""
+
     # Without contact loss the displacement is proportional to the load, so that its derivative is
     # the displacement divided by the load.
     def largest_displacements(model, start):
@@ -123,6 +125,8 @@ def test_sensitivities_at_a_grazing_warn_that_events_appear_or_vanish():
 
 
 def test_a_parameter_at_the_end_of_its_range_gets_a_one_sided_derivative():
+    """At the lowest contact ratio, 1, the derivative must be taken from above."""
+
     def final_state(model):
         return simulate(model, 0.6, periods=3).final_state
 

@@ -30,6 +30,7 @@ VARIANTS = [
 
 
 def test_every_method_is_listed_with_the_meanings_of_its_options():
+    """Each method of integration must state its events, its models and what its options mean."""
     methods = gearlib.methods()
     assert tuple(method.name for method in methods) == (*NAMES, "heyoka")
     for method in methods:
@@ -143,6 +144,8 @@ def ode45(rate, end, y, rtol, atol):
 
 @pytest.mark.parametrize(("nu", "rtol"), [(0.5, 1e-3), (0.9, 1e-6)])
 def test_rk45_takes_the_steps_of_ode45(nu, rtol):
+    """`rk45` must take and reject as many steps as a copy of the algorithm of ode45."""
+
     def rate(state):
         """Return the derivatives of displacement and velocity over phase."""
         x, v = state
@@ -172,6 +175,7 @@ def test_rk45_takes_the_steps_of_ode45(nu, rtol):
 )
 @pytest.mark.parametrize("record_periods", [1, 7])
 def test_evaluations_are_counted(method, options, count, record_periods):
+    """A run must report the known number of evaluations of its right-hand side."""
     state = tuple(simulate(PAIR, 0.7, periods=100).final_state.values)
     settings = {"periods": 7, "record_periods": record_periods, "initial_state": state}
     run = simulate(PAIR, 0.7, method=method, options=options, **settings)
@@ -198,6 +202,7 @@ def test_samples_satisfy_the_equation_of_motion(method, options):
 
 @pytest.mark.parametrize(("method", "options"), VARIANTS)
 def test_an_unbounded_motion_ends_with_the_status_overflow(method, options):
+    """A motion that grows without bound must end with the status "overflow" and NaN."""
     # The run by scipy starts with a large state, because from rest it would take minutes.
     large_start = {"periods": 50, "initial_state": (9e149, 0.0)}
     settings = large_start if method == "scipy" else {"periods": 5000}
@@ -206,6 +211,7 @@ def test_an_unbounded_motion_ends_with_the_status_overflow(method, options):
 
 
 def test_iterations_that_do_not_converge_end_the_run_with_a_status():
+    """A run whose Newton iterations fail must end with a status that names the option to change."""
     # With a hardening contact and steps of 20 natural periods Newton's iteration oscillates.
     model = OneDegreePair(pair=PAIR, cubic_stiffness=2e9)
     run = simulate(model, 0.05, periods=200, method="newmark", options={"steps_per_period": 1})

@@ -27,6 +27,7 @@ CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_cubic_damping=4e5)
     ],
 )
 def test_known_motions_get_the_right_label(pair, nu, label):
+    """`trust` must label motions whose kind is known, and support the label by its numbers."""
     result = trust(pair, nu, periods=1500, exponent_periods=2000)
     assert result.label == label, result.message
     if label == "periodic":
@@ -67,6 +68,7 @@ def test_a_label_follows_from_two_runs_and_the_exponent(
 
 
 def test_an_exponent_of_linear_growth_is_not_positive():
+    """Linear growth of deviations, as of quasi-periodic motions, must not count as chaos."""
     # Deviations of quasi-periodic motions grow in proportion to time, here by `rate` per period.
     for rate in (0.1, 1.0, 500.0):
         growth = math.log(rate * 4000)
@@ -77,6 +79,7 @@ def test_an_exponent_of_linear_growth_is_not_positive():
 
 
 def test_a_scan_over_tunings_matches_trust_at_each_tuning():
+    """A scan must give the labels and numbers that `trust` gives at each single tuning."""
     options = {"periods": 100, "exponent_periods": 500}
     result = classify_at_tunings(PAPER, [0.7, 0.9], **options)
     # The CF conventions require a single word for each value of a flag.

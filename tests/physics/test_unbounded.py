@@ -23,6 +23,7 @@ GROWS = np.array([False, False, True, True, True, True, True])
 
 
 def test_motions_inside_the_tongue_are_labelled_unbounded():
+    """Motions must be labelled unbounded exactly at tunings with parametric growth."""
     # Large motions grow where the linear motion in permanent contact grows.
     assert ((meissner.growth(1.3, 0.4, 0.02, TUNINGS) > 0.0) == GROWS).all()
     result = classify_at_tunings(PAIR, TUNINGS)
@@ -35,6 +36,7 @@ def test_motions_inside_the_tongue_are_labelled_unbounded():
 
 @pytest.mark.parametrize("direction", ["up", "down"])
 def test_sweeps_report_an_overflow_where_motions_grow(direction):
+    """Sweeps must report an overflow at tunings with growth and start anew from rest after it."""
     run = sweep(PAIR, TUNINGS, periods=6000, record_periods=2, direction=direction)
     assert (run.status.values == np.where(GROWS, OVERFLOW, OK)).all()
     assert (run.displacement_max.isnull().values == GROWS).all()
@@ -46,6 +48,7 @@ def test_sweeps_report_an_overflow_where_motions_grow(direction):
 
 @pytest.mark.parametrize("model", [OneDegreePair(pair=PAIR), pairs_as_train(PAIR)])
 def test_other_models_report_an_overflow(model):
+    """Other models must report an overflow inside the tongue (0.945) and none outside (0.93)."""
     for nu, code in ((0.93, OK), (0.945, OVERFLOW)):
         run = simulate(model, nu, periods=700, samples_per_period=1)
         assert int(run.status) == code
@@ -56,6 +59,7 @@ def test_other_models_report_an_overflow(model):
 
 
 def test_a_large_initial_state_is_not_taken_for_unbounded_growth():
+    """A large motion that decays must get the status of a normal run."""
     for state in ((1e9, 0.0), (0.0, 1e9)):
         run = simulate(PAIR, 0.8, periods=2, record_periods=2, initial_state=state)
         assert int(run.status) == 0 and float(run.displacement_max) > 1e8

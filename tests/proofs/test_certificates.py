@@ -96,6 +96,7 @@ def test_orbit_is_proven_and_confirmed_in_50_digits(case):
 
 
 def test_constant_stiffness_rests_at_the_static_deflection():
+    """Enclosures at constant stiffness must contain the exact rest state, trace and determinant."""
     model = gearlib.GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.5, damping=0.25)
     orbit = gearlib.periodic_orbit(model, 0.5, guess=(1.0, 0.0))
     proven = gearlib.certify(orbit, digits=40)
@@ -111,6 +112,7 @@ def test_constant_stiffness_rests_at_the_static_deflection():
 
 @pytest.mark.parametrize("digits", [10, 80])
 def test_enclosures_have_the_requested_number_of_digits(digits):
+    """Each enclosure must be at most two units of the last requested digit wide."""
     proven = gearlib.certify(bouncing_orbit(), digits=digits)
     names = ("displacement", "velocity", "trace", "determinant")
     for name in (*names, "displacement_min", "displacement_max"):
@@ -146,6 +148,7 @@ def random_orbit(rng):
 
 @pytest.mark.parametrize("seed", range(COUNT))
 def test_random_orbits_are_proven_and_wrong_candidates_refused(seed):
+    """Certify random orbits, compare their stability and refuse displaced candidates."""
     rng = np.random.default_rng(seed)
     orbit = random_orbit(rng)
     if orbit is None:

@@ -28,6 +28,7 @@ def test_multiple_eigenvalues_are_enclosed():
 
 
 def test_eigenvalues_of_all_matrices_of_a_ball_are_enclosed():
+    """Enclose 1.5 +- sqrt(0.25 + a^2), the eigenvalues of [[1, a], [a, 2]] with |a| <= 0.1."""
     with precision(128):
         values = eigenvalues(arb_mat([[1, arb(0, 0.1)], [arb(0, 0.1), 2]]))
         for off in (-0.1, 0.0, 0.1):

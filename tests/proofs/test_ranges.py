@@ -38,6 +38,7 @@ def test_a_proven_range_ends_at_a_grazing_a_fold_or_a_tongue_edge(
 
 
 def test_a_range_towards_lower_tuning_has_ascending_ends():
+    """A range that is certified downwards must list its lower end first."""
     proven = gearlib.certify_range(gearlib.periodic_orbit(MATERIAL, 0.9), to=0.895)
     assert (proven.start, proven.stop, proven.stability) == (0.895, 0.9, "stable")
     assert proven.pattern == (1, 0, 1) and "Proven" in repr(proven)
@@ -45,6 +46,7 @@ def test_a_range_towards_lower_tuning_has_ascending_ends():
 
 
 def test_a_range_without_length_orbit_or_proof_is_refused():
+    """A range must be refused if it is empty, starts off an orbit or has an unsupported model."""
     orbit = gearlib.periodic_orbit(MATERIAL, 0.7)
     with pytest.raises(ValueError, match="different from the tuning"):
         gearlib.certify_range(orbit, to=0.7)
@@ -70,6 +72,7 @@ def test_a_range_of_a_mesh_at_rest_is_proven():
     ],
 )
 def test_orbits_in_50_digits_lie_in_the_proven_range(pair, start, to, stability):
+    """Independent orbits in 50 digits must not contradict the claim about a range of tunings."""
     orbit = gearlib.periodic_orbit(pair, start, guess=(0.5, 0.0))
     claim = claim_of(gearlib.certify_range(orbit, to=to))
     assert claim["stability"] == stability

@@ -85,6 +85,7 @@ def orbit_of(case):
 
 @pytest.mark.parametrize("case", CASES)
 def test_orbit_in_50_digits_lies_in_its_enclosures(case):
+    """An independent orbit in 50 digits must lie in the enclosures; wrong ones must be noticed."""
     _, _, contacts, stability = CASES[case]
     proven = gearlib.certify(orbit_of(case), digits=20)
     motion = Motion(claim_of(proven))
@@ -99,6 +100,7 @@ def test_orbit_in_50_digits_lies_in_its_enclosures(case):
 
 @pytest.mark.parametrize("case", ["idler", "parametric resonance", "chain", "branches"])
 def test_wrong_candidates_are_refused(case):
+    """A displaced state or tuning must not be certified as an orbit."""
     orbit = orbit_of(case)
     assert_wrong_candidates_are_refused(orbit, np.repeat([0.0, 1e-6], orbit.state.size // 2))
     refused = gearlib.certify(replace(orbit, tuning=orbit.tuning * (1.0 + 1e-5)), digits=10)
@@ -106,6 +108,7 @@ def test_wrong_candidates_are_refused(case):
 
 
 def test_orbits_that_cannot_be_proven_are_refused(monkeypatch):
+    """A refusal must state its reason: wrong period, rotating frame or too many events."""
     two = gearlib.two_stage(LIGHT)
     orbit = gearlib.periodic_orbit(two, 1.0, period=two.repeats)
     assert gearlib.certify(replace(orbit, period=1)).status in ("period", "contacts")

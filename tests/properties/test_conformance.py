@@ -113,6 +113,7 @@ def fully_recorded_run(case, **options):
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_a_motion_matches_the_reference(name):
+    """All propagators of a model must follow its reference motion, with any recorded part."""
     case = KNOWN[name]
     motion, run = reference_motion(case), fully_recorded_run(case)
     for method in case.model.propagators:

@@ -119,6 +119,7 @@ def test_a_sweep_matches_its_single_runs(model, method, options):
 
 
 def test_methods_refuse_models_that_they_cannot_run():
+    """A method must refuse a model it does not support and name the methods that do."""
     unsupported = [(bouncing_train(), method) for method in ("taylor", "rk45", "newmark")]
     unsupported += [(TEETH, method) for method in ("rk4", "scipy", "heyoka")]
     for model, method in unsupported:

@@ -73,6 +73,7 @@ def test_reversed_loads_have_the_same_duty_point_on_the_coast_side(name):
 
 @pytest.mark.parametrize("name", ["chain", "six degrees"])
 def test_reversed_loads_have_the_same_main_resonance(name):
+    """A reversed load must give the resonance speeds of the original, by mirror symmetry."""
     quantities = ("onset", "jump_up")
     drive = main_resonance(MODELS[name], quantities)
     coast = main_resonance(reversed_loads(MODELS[name]), quantities)
@@ -82,6 +83,7 @@ def test_reversed_loads_have_the_same_main_resonance(name):
 
 
 def test_reversed_loads_have_the_same_quantities_of_designs():
+    """Quantities of designs must not change if the load is reversed, by mirror symmetry."""
     names = ("peak_force_ratio", "force", "transmission_error", "contact_margin")
     for model in (MODELS["chain"], SIX):
         speed = float(model.speed(0.6))

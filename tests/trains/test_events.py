@@ -17,6 +17,7 @@ PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=800.0, backlash=1
 
 
 def test_a_train_at_rest_on_its_flanks_begins_in_contact():
+    """A train that starts at zero displacement must get contact without an event at phase 0."""
     # Ring meshes are compressed with the fourth power of time, so that rounding might open them.
     train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
     events = train.propagator(0.5).record(train.start_state((0.0, 0.0)), 1, 100).events

@@ -118,6 +118,7 @@ def test_a_random_train_is_jammed_if_and_only_if_both_flanks_of_a_mesh_touch(see
 
 
 def test_statics_report_a_mesh_that_is_jammed():
+    """Statics must report contact of both flanks at once, and its net force of 100 N."""
     # While both flanks touch, C (2 d - 1 um) = 100 N gives a displacement d of 0.625 um, which is
     # 0.375 um too much for the coast side.
     train = two_gears(1e-6, -1e-6, load=100.0)

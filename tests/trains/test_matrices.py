@@ -66,6 +66,7 @@ def as_matrices(train):
 
 
 def test_natural_frequencies_match_ross():
+    """Natural frequencies of two rotors must equal values computed by the program ROSS."""
     modes = two_rotors().modes()
     frequencies = np.sort(modes.natural_frequency.values)
     assert frequencies[:3] == pytest.approx(0.0, abs=1e-3)
@@ -95,6 +96,7 @@ def test_a_reduction_keeps_frequencies_damping_and_response():
 
 
 def test_a_reduced_rotor_moves_as_the_full_one():
+    """A train reduced for frequencies up to 4000 Hz must give the same largest mesh forces."""
     full_train = two_rotors()
     results = [
         gearlib.sweep(train, [0.02, 0.05], periods=200, record_periods=2).dynamic_force_max.values
@@ -104,6 +106,7 @@ def test_a_reduced_rotor_moves_as_the_full_one():
 
 
 def test_a_planetary_train_given_by_its_own_matrices_has_the_same_motion():
+    """A train rebuilt from its own matrices must have the motion of the original."""
     train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
     train_of_matrices = as_matrices(train)
     options = {"periods": 20, "record_periods": 2, "samples_per_period": 16}
@@ -158,6 +161,7 @@ def test_a_harmonic_force_on_a_fixed_axis_is_refused():
 
 
 def test_a_harmonic_force_acts_on_a_coordinate_of_matrices():
+    """A torque given by body or by coordinate name must cause the same motion."""
     ripple = {"amplitude": 20.0, "order": 2, "of": "m", "phase": 0.4}
     trains = [
         pair_of_matrices(harmonic_forces=[HarmonicForce(body=name, **ripple)])
@@ -168,6 +172,7 @@ def test_a_harmonic_force_acts_on_a_coordinate_of_matrices():
 
 
 def test_a_harmonic_torque_on_a_linear_pair_matches_the_closed_form():
+    """The steady motion must be the static deflection plus the response of one oscillator."""
     force = HarmonicForce(body="a", amplitude=20.0, order=2, of="m", phase=0.4)
     train = pair_of_bodies(forces=[force])
     result = gearlib.simulate(train, 0.6, periods=400, record_periods=1, samples_per_period=64)
@@ -183,6 +188,7 @@ def test_a_harmonic_torque_on_a_linear_pair_matches_the_closed_form():
 
 
 def test_modal_damping_matches_the_complex_eigenvalues():
+    """The damping ratio must be c / (2 sqrt(k m)) of the single elastic mode."""
     modes = pair_of_bodies().modes()
     mass, stiffness, damping = 1.0 / (0.1**2 / 0.01 + 0.2**2 / 0.04), 3e8, 3000.0
     ratio = damping / 2.0 / math.sqrt(stiffness * mass)
@@ -190,6 +196,7 @@ def test_modal_damping_matches_the_complex_eigenvalues():
 
 
 def test_modal_damping_ratios_add_to_the_damping_of_the_meshes():
+    """A modal damping ratio of 0.07 must add to the ratio that the mesh damping causes."""
     ratios = [
         train.modes().modal_damping_ratio.values[-1]
         for train in (pair_of_bodies(), pair_of_bodies(modal_damping=[0.07]))
@@ -198,6 +205,7 @@ def test_modal_damping_ratios_add_to_the_damping_of_the_meshes():
 
 
 def test_a_step_response_of_the_state_space_ends_in_the_static_state():
+    """The response to constant balanced torques must end at the static mesh force."""
     system = pair_of_bodies().state_space(
         inputs=["rotation of a", "rotation of b"],
         outputs=["mesh force of m", "acceleration rotation of a"],
@@ -212,6 +220,7 @@ def test_a_step_response_of_the_state_space_ends_in_the_static_state():
 
 
 def test_state_space_refuses_unknown_names_and_trains_without_bodies():
+    """State spaces must refuse other models and unknown inputs or outputs."""
     with pytest.raises(ValueError, match="model of type GearPair is not allowed"):
         gearlib.state_space(gearlib.GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.7))
     with pytest.raises(ValueError, match="inputs = 'torque' is not allowed"):
@@ -261,6 +270,7 @@ def test_writing_a_train_without_its_matrices_is_refused(tmp_path):
 
 
 def test_matrices_are_read_from_files_and_sparse_arrays(tmp_path):
+    """Matrices from files and sparse arrays must give the same train as dense arrays."""
     from scipy import io, sparse
 
     arrays = {name: ROSS[name] for name in ("mass", "stiffness")}

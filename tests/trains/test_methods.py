@@ -55,6 +55,7 @@ def test_solvers_that_step_over_switches_agree_within_a_tolerance(method, option
 def test_runs_that_diverge_or_exceed_max_events_have_a_status_and_no_final_state(
     method, options, periods
 ):
+    """Runs that diverge or exceed the event limit must report it and return NaN."""
     settings = {"periods": periods, "max_events": 1, "initial_state": "static"}
     run = gearlib.simulate(bouncing_train(), 0.9, method=method, options=options, **settings)
     assert int(run.status) != status.OK and np.isnan(run.final_state).all()

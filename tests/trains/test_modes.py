@@ -18,6 +18,7 @@ def frequencies_of_kinds(modes, *kinds):
 
 
 def test_frequencies_match_lin_and_parker():
+    """Natural frequencies must match those published by Lin and Parker for a planetary gear."""
     modes, doubled_frequencies = planetary().modes(), np.repeat(TRANSLATIONAL, 2)
     # The article prints four to six digits.
     np.testing.assert_allclose(
@@ -81,6 +82,7 @@ def test_phasing_follows_parkers_rule(teeth, planets):
 
 @pytest.mark.parametrize("unit", [1e-30, 1e12])
 def test_the_choice_of_negligible_springs_does_not_depend_on_units(unit):
+    """A spring of 1e-20 of the stiffest must count as none for any unit of stiffness."""
     # Two masses have springs of their own; the third spring, 1e-20 of the stiffest, is negligible.
     springs = np.eye(3), unit * np.array([1.0, 4.0, 1e-20])
     result = free_motions_and_modes(springs, (np.eye(3), unit * np.ones(3)))

@@ -105,6 +105,7 @@ def test_torques_and_speeds_of_a_planetary_train_satisfy_willis_equation():
 
 
 def test_a_load_on_missing_coast_sides_is_refused():
+    """With infinite backlash a reversed torque meets no flank, so that there is no equilibrium."""
     train = idler(PAPER.replace(backlash=math.inf))
     bodies = [replace(body, torque=-body.torque) for body in train.bodies]
     with pytest.raises(ValueError, match="no static equilibrium"):
@@ -116,6 +117,7 @@ def test_a_load_on_missing_coast_sides_is_refused():
 
 @pytest.mark.parametrize("load", [2000.0, -2000.0])
 def test_a_static_start_stays_at_rest_on_coast_sides_that_move_with_the_supports(load):
+    """A run from the static state must stay there under either sign of the load."""
     train = planetary(load=load)
     changes = {"moving_backlash": True, "backlash": 6e-6}
     train = train.replace(meshes=[replace(mesh, **changes) for mesh in train.meshes])

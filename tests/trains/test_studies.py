@@ -28,6 +28,7 @@ MANY |= {"spread": 0.02}
     ],
 )
 def test_mesh_frequencies_equal_natural_frequencies_at_critical_speeds(train, orders):
+    """Orders times mesh frequency must equal natural frequencies at each critical speed."""
     result = train.campbell(2)
     np.testing.assert_allclose(result.stiffness_order, orders, rtol=1e-12)
     assert result.excites.any()
@@ -41,6 +42,7 @@ def test_mesh_frequencies_equal_natural_frequencies_at_critical_speeds(train, or
 
 
 def test_the_table_lists_each_critical_speed_once(tmp_path):
+    """The table must list critical speeds in order, with contact loss at the nearest speed."""
     # In these made-up sweeps contact is lost only at tuning 1.0, on the way down, in mesh 4.
     tunings = np.array([0.8, 1.0, 1.2])
     lost = np.zeros((1, 3, 3, len(TRAIN.meshes)))
@@ -70,6 +72,7 @@ def test_the_table_lists_each_critical_speed_once(tmp_path):
 
 
 def test_the_table_of_the_reducer_holds_a_row_for_each_mesh(tmp_path):
+    """The table must have one row per case, direction and mesh, with tunings of contact loss."""
     settings = REDUCER | {"periods": 84, "record_periods": 42}
     sweeps = trains.reducer(PAIR, [0.84, 0.96], settings)
     rows = read_back(trains.reducer_rows(sweeps), tmp_path)
@@ -94,6 +97,7 @@ def test_settled_motions_match_the_periodic_orbit():
 
 
 def test_motions_that_do_not_settle_are_summarised_by_a_range():
+    """Motions that do not settle must have period 0 and a range of peak forces."""
     # At this tuning motions in which all branches move alike are unstable.
     (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.6], MANY)
     summary = many_starts.summarise(TRAIN, [result], MANY, ["peak_force_ratio"])

@@ -42,6 +42,7 @@ def whirl_eigenvalues(outer, inner, speed):
 
 @pytest.mark.parametrize("speed_ratio", [0.1, 0.9, 1.1, 5.0])
 def test_an_undamped_rotor_whirls_at_one_frequency_of_the_fixed_frame(speed_ratio):
+    """Whirl frequencies in the rotating frame must be the natural frequency +- the speed."""
     values, speed = whirl_eigenvalues(0.0, 0.0, speed_ratio * NATURAL), speed_ratio * NATURAL
     # In a frame that rotates at W, forward and backward whirl at +-w0 have the frequencies
     # +-w0 +- W.
@@ -54,6 +55,7 @@ def test_an_undamped_rotor_whirls_at_one_frequency_of_the_fixed_frame(speed_rati
     ("outer", "inner"), [(500.0, 400.0), (200.0, 400.0), (0.0, 300.0), (300.0, 0.0)]
 )
 def test_rotating_damping_destabilises_a_rotor_above_its_critical_speed(outer, inner):
+    """A rotor must become unstable at the known limit w0 (1 + c_outer / c_inner)."""
     # Damping of the support at rest raises the limit to w0 (1 + c_outer / c_inner).
     stability_limit = NATURAL * (1.0 + outer / inner) if inner else math.inf
     near_limit = (0.999 * stability_limit, 1.001 * stability_limit) if inner else ()
@@ -80,6 +82,7 @@ def test_an_orbit_omits_only_the_two_multipliers_of_the_rigid_body_rotation(plan
 
 
 def test_friction_on_the_rigid_body_rotation_of_a_turning_train_leaves_no_orbit():
+    """Friction that drives the rigid-body rotation must be refused, since no orbit exists."""
     train = planetary(turning=True, gyroscopic=True)
     train = train.replace(meshes=[replace(mesh, friction=0.05) for mesh in train.meshes])
     with pytest.raises(ValueError, match="gyroscopic = True.*friction"):

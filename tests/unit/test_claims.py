@@ -125,6 +125,7 @@ def test_verdicts_follow_the_data(data):
 
 
 def test_missing_data_are_named_not_guessed(data):
+    """Claims whose data are missing must be "not evaluated"; those on gears alone still hold."""
     # Claims about gears alone, P1 and P2, need no data.
     curves = data.resonance.sel(damping=["k1"], tuning=slice(0.9, 0.95))
     planes = data.phase_planes.sel(damping=["k1"]).isel(tuning=[0]).assign_coords(tuning=[0.7])
@@ -182,6 +183,7 @@ def motion(phases, *codes):
 
 
 def test_the_event_error_is_the_largest_phase_error_or_nan():
+    """The error must be the largest phase difference of equal events, else NaN."""
     exact = motion([1.0, 2.0], (1, 0), (0, 1))
     assert event_error(motion([1.1, 1.7], (1, 0), (0, 1)), exact) == pytest.approx(0.3)
     # Events that differ in number or kind, or no events, cannot be compared.

@@ -255,6 +255,7 @@ def test_a_file_name_holds_the_tuning_exactly(tuning, text):
 
 
 def test_windows_cover_each_tuning_of_the_grid_once_in_short_decimals():
+    """Windows of a tuning grid must contain each tuning once, without rounding digits."""
     assert grid(0.5, 0.6, 0.01) == [float(f"0.{i}") for i in range(50, 60)] + [0.6]
     parts = windows(0.5, 1.4, 0.0005, 0.1)
     joined = [tuning for ends in parts for tuning in grid(*ends, 0.0005)]

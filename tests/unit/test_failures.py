@@ -79,6 +79,7 @@ def fractions(normal):
     ],
 )
 def test_rules_give_verdicts_on_constructed_outcomes(quantity, reference, changes, expected):
+    """Constructed outcomes must get the expected verdict and the defined relative error."""
     name, error = verdict(quantity, reference, **changes)
     assert name == expected and math.isnan(error) == ("status" in changes)
     if quantity == "state" and math.isfinite(changes.get("high", 0.0)):
@@ -96,6 +97,7 @@ def test_rules_give_verdicts_on_constructed_outcomes(quantity, reference, change
     + [(((1, 0), (0, -1)), 1), (((1, 0), (0, -1), (-1, 0)), 2), (CONTACTS, 0)],
 )
 def test_wrong_events_count_as_missed_only_if_the_state_is_wrong(contacts, wrong_count):
+    """Where states are compared, wrong events must count as missed only if the state is wrong."""
     assert verdict("state", contacts=contacts)[0] == "right"
     expected = "missed_event" if wrong_count else "inaccurate"
     assert verdict("state", contacts=contacts, state=(1.5, 0.0))[0] == expected

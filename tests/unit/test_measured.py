@@ -94,6 +94,7 @@ def test_a_wide_table_is_read_in_si(rig, tmp_path):
     ],
 )
 def test_units_of_measured_data_match_the_library(rig, unit, observable, factor, units):
+    """Measured values must be converted by `factor` to the units of the library."""
     more = {"c": {"observableId": observable, "unit": unit}, "x": CHANNELS["x"]}
     column = rig("c,x\n1,1\n2,1\n", channels=more)[observable]
     assert column.values == pytest.approx([factor, 2.0 * factor], rel=1e-15)

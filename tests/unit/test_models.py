@@ -36,6 +36,7 @@ PAIR = GearPair.from_ratios(
 
 @pytest.mark.parametrize("model", [ONE, SIX])
 def test_a_model_takes_scales_and_ratios_from_its_pair(model):
+    """Attributes that a model takes over from its gear pair must have the values of the pair."""
     # Models lack some attributes of a pair and define others themselves.
     excepted = {"from_geometry", "from_ratios", "RATIOS", "ratio_slopes"}
     excepted |= {*vars(Model), *vars(model)}
@@ -52,6 +53,7 @@ def test_a_model_takes_scales_and_ratios_from_its_pair(model):
 
 @pytest.mark.parametrize("model", [PAPER, ONE, SIX, OSCILLATOR])
 def test_a_copy_is_a_model_of_the_same_kind(model):
+    """Replacing a field by its own value must give an equal model; unknown fields are refused."""
     for name in {field.name for field in dataclasses.fields(model)} - {"pair"}:
         assert model.replace(**{name: getattr(model, name)}) == model
     with pytest.raises(ValueError, match="stiffness_raito is not allowed: .* are .*stiffness"):
@@ -88,6 +90,7 @@ def test_a_copy_computes_derived_defaults_anew_and_keeps_explicit_values():
 
 
 def test_the_reduced_mass_of_two_gears_matches_the_formula_of_two_bodies():
+    """Reduced masses must follow from the sum of inverse masses at the line of action."""
     # A force accelerates free bodies in translation and in rotation: inverse masses add up.
     turning = (np.square(SIX.base_radii) / SIX.inertias).sum()
     assert SIX.reduced_mass_torsional == pytest.approx(1.0 / turning, rel=1e-14)
@@ -97,6 +100,7 @@ def test_the_reduced_mass_of_two_gears_matches_the_formula_of_two_bodies():
 
 @pytest.mark.parametrize(("model", "teeth"), [(PAPER, 24), (UNEQUAL, 30), (TRAIN, 24)])
 def test_a_run_at_a_speed_matches_its_tuning_and_reports_torques_if_radii_are_known(model, teeth):
+    """A run at 2000 rpm must equal the run at its tuning and report the torques of known radii."""
     run = simulate(model, speed=2000.0, **RUN)
     # The mesh frequency is the number of teeth that pass in a second.
     per_second = float(run.mesh_frequency) / (2.0 * math.pi)
@@ -140,6 +144,7 @@ def test_an_unreadable_table_is_refused_in_one_sentence(tmp_path, sentence):
 
 
 def test_stiffness_tables_are_read_and_continued_periodically(tmp_path):
+    """Read tables of stiffness in several CSV formats and continue them over the period."""
     path = tmp_path / "table.csv"
     rows = zip(TABLE.phase, TABLE.stiffness, strict=True)
     path.write_text("phase,stiffness\n" + "".join(f"{p},{c}\n" for p, c in rows), encoding="utf-8")
@@ -161,6 +166,7 @@ def test_stiffness_tables_are_read_and_continued_periodically(tmp_path):
 
 
 def test_harmonics_of_a_tabulated_profile_are_recovered():
+    """The Fourier fit must return the two harmonics of which the table was made."""
     phase = 0.3 + 2 * math.pi * np.arange(16) / 16
     values = np.cos(phase) - 0.5 * np.cos(2 * phase) + 0.25 * np.sin(phase)
     fitted = Harmonics.from_table(phase, values, 2).table()
@@ -186,6 +192,7 @@ def test_units_of_variables_show_their_scaling(call):
 
 
 def test_exceeding_the_event_limit_gives_a_status_and_nan():
+    """A run with more events than allowed must have a status, a message and NaN."""
     chaotic = PAIR.replace(material_damping=0.0, backlash_damping=0.0)
     stopped_run = simulate(chaotic, 0.05, periods=3, max_events=5)
     assert (
@@ -217,6 +224,7 @@ def test_a_summary_describes_a_motion_in_words(period, inverse, bounces, words):
 
 @pytest.mark.parametrize("model", [STEEP, pairs_as_train(STEEP)])
 def test_resonance_curves_end_where_motions_grow(model):
+    """Curves must be masked where the largest displacement exceeds 1000 extents of the model."""
     # Without damping it grows in wide tongues, to some millions and beyond 1e8.
     curve = sweep(model, np.linspace(0.5, 1.4, 60), periods=70, record_periods=1)
     reach = np.abs(curve.displacement_max.values.reshape(60, -1)).max(axis=1)

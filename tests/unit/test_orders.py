@@ -82,6 +82,7 @@ def test_orders_of_a_known_signal_are_recovered_by_speed_or_tacho():
 
 
 def test_the_last_revolution_counts_and_powers_have_squared_units():
+    """The last whole revolution must count, and a wave of amplitude 3 has the power 4.5."""
     # Sums of floats end slightly before or after the last whole revolution.
     for seconds in (0.7, 1.1, 2.0, 2.9):
         t = np.linspace(0.0, seconds, 20_001)
@@ -142,6 +143,7 @@ def test_a_duty_point_matches_the_settled_run_in_si_units():
 
 
 def test_mesh_orders_hidden_by_free_vibrations_are_nan():
+    """Mesh orders close to a free vibration that persists must be NaN, all others finite."""
     # Undamped free vibrations persist and hide the mesh orders close to their frequency.
     mesh = GearStage(*(SpurGear(teeth=z, module=4e-3, width=0.032) for z in (19, 47)), backlash=0.0)
     options = {"damping_ratio": 0.0, "initial_state": (0.0, 0.0), "options": {"coupling": 1.0}}
@@ -152,6 +154,7 @@ def test_mesh_orders_hidden_by_free_vibrations_are_nan():
 
 
 def test_bearings_of_six_degrees_and_trains_carry_the_load():
+    """Bearings must carry the static mesh force if the stiffness of the mesh is constant."""
     pair = GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.05)
     bodies = {"base_radii": (0.027, 0.0716), "inertias": (1e-4, 5e-3), "masses": (0.4, 2.5)}
     bearings = {"bearing_stiffness": (1e8,) * 4, "bearing_damping": (500.0,) * 4}

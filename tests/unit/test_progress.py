@@ -37,6 +37,7 @@ CALLS = {
 
 @pytest.mark.parametrize(("call", "dimension"), CALLS.values(), ids=CALLS)
 def test_an_interrupted_call_returns_the_beginning_of_the_full_result(call, dimension):
+    """A call that runs out of time must return the first part of the full result."""
     whole, interrupted = call(), call(max_seconds=AT_ONCE)
     assert call(max_seconds=NEVER).drop_vars("complete").identical(whole.assign_attrs(missing="[]"))
     assert not interrupted.complete and 0 < interrupted.sizes[dimension] < whole.sizes[dimension]
@@ -64,6 +65,7 @@ def test_missing_results_are_named():
 
 
 def test_starts_not_reached_in_time_are_undecided():
+    """Initial states that were not computed in time must count as undecided."""
     basins = gearlib.basins(PAIR, 0.8, ((-3, 3, 9), (-3, 3, 9)), max_seconds=AT_ONCE)
     assert basins.missing == '["undecided"]' and basins.share[-1] > 0.5
     verdict = gearlib.trust(PAIR, 0.8, periods=50, exponent_periods=20, max_seconds=AT_ONCE)
@@ -71,6 +73,7 @@ def test_starts_not_reached_in_time_are_undecided():
 
 
 def test_an_interrupted_proof_certifies_the_range_up_to_the_missing_one():
+    """An interrupted proof must hold its first piece and name the range that is missing."""
     pytest.importorskip("flint")
     interrupted = gearlib.certify_range(ORBIT, to=1.4, max_seconds=AT_ONCE)
     whole = gearlib.certify_range(ORBIT, to=1.4, max_seconds=NEVER)

@@ -39,6 +39,7 @@ def draw(tolerances, count=4096):
     ],
 )
 def test_tolerance_distributions_match_scipy(tolerance, reference_distribution):
+    """Quantiles and samples of a tolerance must match the distribution of scipy."""
     joint, values = draw({"free": tolerance})
     (marginal,) = joint.marginals.values()
     probabilities = np.linspace(0.01, 0.99, 99)

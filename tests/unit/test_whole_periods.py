@@ -60,6 +60,7 @@ def test_whole_period_steps_match_events_one_by_one(seed):
 
 @pytest.mark.parametrize("distance", [1e-8, 1e-11])
 def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
+    """A motion that slowly passes a vanished orbit must not be reported as periodic."""
     # Just beyond the fold a run moves past the vanished orbit, x = -0.16, by 1e-10 or less in each
     # of up to 1e6 periods, and then goes to another orbit at x > 0.28.
     pair = GearPair.from_ratios(**PAIR, damping=0.0617, backlash_damping=0.0617)
@@ -121,6 +122,7 @@ def test_the_reported_period_matches_the_settled_motion(damping):
 
 
 def test_an_orbit_that_does_not_attract_is_not_reported_as_settled():
+    """A run on an orbit that does not attract must have the period 0, although it repeats."""
     # The motion from a state on the orbit repeats, but any disturbance persists or grows.
     for tuning, pair in ((0.7, PAPER), (1.95, PAPER.replace(material_damping=600.0))):
         pair = OneDegreePair(pair=pair)
