@@ -271,7 +271,7 @@ def test_motions_from_rest_reach_the_quoted_orbits(hook):
         small, _, large = evidence.quoted_numbers()["proven"]["k1"][f"orbit {nu}"]
         assert small["stability"] == large["stability"] == "stable"
         assert small["lowest"] > large["lowest"]
-        assert f"{nu}: y_min {small['lowest']:.4g}," in computed
+        assert f"{small['lowest']:.4g} at nu = {nu}," in computed
 
 
 @needs_mkdocs
