@@ -12,6 +12,9 @@ _NAMES = ("mass", "stiffness", "gyroscopic")
 _FILES = {name: Path(__file__).with_name(f"ross_{name}.nc") for name in _NAMES}
 #: Matrices of both rotors by name, SI units.
 ROSS = {name: xr.load_dataset(path)[name].values for name, path in _FILES.items()}
+#: Natural frequencies in Hz of both rotors joined by ROSS's `MultiRotor`, above three free motions.
+OF_ROSS = [156.7745, 186.9425, 206.6929, 232.6162, 680.7055, 691.4427, 1017.895, 1017.895]
+OF_ROSS += [1166.492, 1171.928, 1541.775]
 _MOTIONS = ("x", "y", "axial", "tilt x", "tilt y", "turn")
 
 
@@ -23,14 +26,7 @@ def two_rotors(**changes):
         coordinates = {"rotation": f"{node} turn", "x": f"{node} x", "y": f"{node} y"}
         return GearNode(name=name, teeth=teeth, base_radius=radius, **coordinates)
 
-    gears = [
-        GearNode(
-            name="pinion", teeth=27, base_radius=0.04, rotation="a 3 turn", x="a 3 x", y="a 3 y"
-        ),
-        GearNode(
-            name="wheel", teeth=54, base_radius=0.08, rotation="b 2 turn", x="b 2 x", y="b 2 y"
-        ),
-    ]
+    gears = [gear("pinion", 27, 0.04, "a 3"), gear("wheel", 54, 0.08, "b 2")]
     mesh = Mesh(
         pinion="pinion",
         wheel="wheel",

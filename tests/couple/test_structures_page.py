@@ -8,12 +8,9 @@ import pytest
 import scipy.linalg
 
 from gearlib.models.trains.statics import equilibrium
+from tests.couple import OF_ROSS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/how_to/coupling.md"
-
-#: Natural frequencies, Hz, of both rotors by ROSS 2.3.0, without three rigid-body motions.
-OF_ROSS = [156.7745, 186.9425, 206.6929, 232.6162, 680.7055, 691.4427, 1017.895, 1017.895]
-OF_ROSS += [1166.492, 1171.928, 1541.775]
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,11 @@ import numpy as np
 _LOGGER = ctypes.CFUNCTYPE(None, c_void_p, ctypes.c_int, c_char_p, c_char_p)
 
 
+def coordinate_names(train) -> list[str]:
+    """Return the names of the coordinates of a train in its FMU, such as "pinion.x"."""
+    return [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
+
+
 class Instance:
     """An instance of an FMU, whose binary is loaded from the unpacked file."""
 
@@ -50,7 +55,7 @@ class Instance:
 
     def start_at(self, train, q, v, **values: float) -> "Instance":
         """Initialise with coordinates in m and their rates in m/s."""
-        names = [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
+        names = coordinate_names(train)
         state = {f"q.{name}": x for name, x in zip(names, q, strict=True)}
         state |= {f"v.{name}": x for name, x in zip(names, v, strict=True)}
         return self.start(**(state | values))
@@ -76,7 +81,7 @@ class Instance:
 
     def state(self, train) -> np.ndarray:
         """Return the coordinates in m, followed by their rates in m/s."""
-        names = [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
+        names = coordinate_names(train)
         return self.get(*(f"{kind}.{name}" for kind in "qv" for name in names))
 
     def step(self, end: float) -> tuple[bool, bool]:

@@ -10,11 +10,7 @@ import scipy.signal
 
 import gearlib
 from gearlib import Body, GearNode, GearTrain, HarmonicForce, Mesh
-from tests.couple import ROSS, two_rotors
-
-#: Natural frequencies, Hz, by `MultiRotor` of ROSS 2.3.0, without three rigid-body motions.
-OF_ROSS = [156.7745, 186.9425, 206.6929, 232.6162, 680.7055, 691.4427, 1017.895, 1017.895]
-OF_ROSS += [1166.492, 1171.928, 1541.775]
+from tests.couple import OF_ROSS, ROSS, two_rotors
 
 
 def pair_of_bodies(stiffness_ratio=1.0, **options):

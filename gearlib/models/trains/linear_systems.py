@@ -9,9 +9,8 @@ from scipy.signal import StateSpace
 
 from gearlib import checks
 from gearlib.data.variables import describe
-from gearlib.models.trains.natural_modes import mean_stiffness_matrix, total_damping
-
-_AXES = ("x", "y", "rotation")
+from gearlib.models.trains.natural_modes import state_matrix, total_damping
+from gearlib.models.trains.structure import AXES
 
 
 def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpace:
@@ -46,12 +45,7 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
     structure = train.structure
     damping = total_damping(train)
     checks.require(damping is not None, "material_damping", None, "given for every mesh")
-    stiffness = mean_stiffness_matrix(train)
-    inverse_mass = np.linalg.inv(structure.mass)
-    n = len(stiffness)
-    a = np.zeros((2 * n, 2 * n))
-    a[:n, n:] = np.eye(n)
-    a[n:] = np.hstack([-inverse_mass @ stiffness, -inverse_mass @ damping])
+    a, n = state_matrix(train, damping), len(damping)
     motion_rows = _motion_rows(train)
     if inputs is None:
         inputs = [f"rotation of {name}" for name in train.body_names]
@@ -61,7 +55,7 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
     for name in inputs:
         checks.one_of("inputs", name, list(motion_rows))
     input_rows = np.array([motion_rows[name] for name in inputs])
-    b = np.vstack([np.zeros((n, len(inputs))), inverse_mass @ input_rows.T])
+    b = np.vstack([np.zeros((n, len(inputs))), np.linalg.solve(structure.mass, input_rows.T)])
     c, d = np.zeros((len(outputs), 2 * n)), np.zeros((len(outputs), len(inputs)))
     for i, name in enumerate(outputs):
         quantity, _, motion = name.partition(" ")
@@ -96,7 +90,7 @@ def _motion_rows(train: Any) -> dict[str, np.ndarray]:
     """
     rows = {}
     for body, motions in zip(train.bodies, train.structure.motions, strict=True):
-        for axis, row in zip(_AXES, motions, strict=True):
+        for axis, row in zip(AXES, motions, strict=True):
             # The structure describes a rotation as arc length on the base circle.
             scale = body.base_radius if axis == "rotation" else 1.0
             rows[f"{axis} of {body.name}"] = row / scale

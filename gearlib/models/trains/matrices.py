@@ -26,6 +26,7 @@ from gearlib.models.trains.structure import (
     Arithmetic,
     Structure,
     structure_of_matrices,
+    with_unit_diagonal,
 )
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import (
@@ -245,11 +246,7 @@ def _check_no_negative_stiffness(stiffness: np.ndarray) -> None:
 
     Such a structure would be unstable even without its meshes. Rounding errors are tolerated.
     """
-    diagonal = np.abs(stiffness.diagonal())
-    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    # Scaled to a unit diagonal, stiffnesses of translations (N/m) and rotations (N m/rad) have the
-    # same size, so that one tolerance suits both.
-    scaled = (stiffness + stiffness.T) / 2.0 / np.outer(scale, scale)
+    scaled, _ = with_unit_diagonal((stiffness + stiffness.T) / 2.0)
     lowest_eigenvalue = np.linalg.eigvalsh(scaled)[0]
     allowed = "one whose symmetric part has no negative eigenvalue"
     value = f"a matrix with the eigenvalue {lowest_eigenvalue:.6g} at unit diagonal"

@@ -92,6 +92,20 @@ def mean_stiffness_matrix(train: "GearTrain") -> np.ndarray:
     return train.structure.stiffness + (lines.T * mean_stiffnesses) @ lines
 
 
+def state_matrix(train: "GearTrain", damping: np.ndarray) -> np.ndarray:
+    """Return the matrix A of x' = A x for all flanks in contact at mean stiffness, (2 n, 2 n).
+
+    A state x holds the n coordinates in m, then their rates in m/s. `damping`, (n, n), is a result
+    of `total_damping` in N s/m.
+    """
+    inverse_mass, n = np.linalg.inv(train.structure.mass), len(damping)
+    matrix = np.zeros((2 * n, 2 * n))
+    matrix[:n, n:] = np.eye(n)
+    matrix[n:, :n] = -inverse_mass @ mean_stiffness_matrix(train)
+    matrix[n:, n:] = -inverse_mass @ damping
+    return matrix
+
+
 def _damped_modes(train: "GearTrain", frequencies: np.ndarray, shapes: np.ndarray) -> dict:
     """Return modal damping ratios and complex modes as variables: name -> (dims, values).
 
@@ -107,15 +121,10 @@ def _damped_modes(train: "GearTrain", frequencies: np.ndarray, shapes: np.ndarra
     # Rigid-body motions (frequency 0) have no damping ratio.
     ratios = np.full(omega.size, np.nan)
     np.divide(modal_damping, 2.0 * omega, out=ratios, where=omega > 0.0)
-    inverse_mass, n = np.linalg.inv(train.structure.mass), len(damping)
-    state_matrix = np.zeros((2 * n, 2 * n))
-    state_matrix[:n, n:] = np.eye(n)
-    state_matrix[n:, :n] = -inverse_mass @ mean_stiffness_matrix(train)
-    state_matrix[n:, n:] = -inverse_mass @ damping
-    values, vectors = np.linalg.eig(state_matrix)
+    values, vectors = np.linalg.eig(state_matrix(train, damping))
     # Keep one of each pair of complex conjugates, in the order of the frequencies.
     order = [i for i in np.argsort(np.abs(values)) if values[i].imag > 1e-9 * abs(values[i])]
-    motions = np.einsum("bkn,np->pbk", train.structure.motions, vectors[:n, order])
+    motions = np.einsum("bkn,np->pbk", train.structure.motions, vectors[: len(damping), order])
     if order:
         # Scale each mode so that its largest motion is 1 and real.
         flat = motions.reshape(len(order), -1)

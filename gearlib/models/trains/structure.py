@@ -201,6 +201,17 @@ def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
     )
 
 
+def with_unit_diagonal(stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a stiffness matrix, (n, n), scaled to a unit diagonal, and the scale factors, (n,).
+
+    Stiffnesses of translations (N/m) and rotations (N m/rad) then have the same size, so that one
+    tolerance suits both. The matrix is the scaled one times the factors of its row and column.
+    """
+    diagonal = np.abs(stiffness.diagonal())
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    return stiffness / np.outer(scale, scale), scale
+
+
 def _springs_of(stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return springs, as (rows, stiffnesses), that have a given symmetric stiffness matrix.
 
@@ -210,10 +221,9 @@ def _springs_of(stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     from scipy.linalg.lapack import dpstrf
 
-    n, diagonal = len(stiffness), np.abs(stiffness.diagonal())
-    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    factor, order, rank, _ = dpstrf(stiffness / np.outer(scale, scale), lower=1, tol=RELATIVE_ZERO)
-    rows = np.zeros((rank, n))
+    scaled, scale = with_unit_diagonal(stiffness)
+    factor, order, rank, _ = dpstrf(scaled, lower=1, tol=RELATIVE_ZERO)
+    rows = np.zeros((rank, len(stiffness)))
     # LAPACK counts the pivots in `order` from 1.
     rows[:, order - 1] = np.tril(factor)[:, :rank].T
     return rows * scale, np.ones(rank)
