@@ -146,7 +146,7 @@ class Values:
         if self.repeat and not isinstance(values, (tuple, list)):
             values = (values,) * (self.count or 1)
         try:
-            return tuple(checks.sequence("", values, self.count))
+            return tuple(checks.check_sequence("", values, self.count))
         except InputError:
             # The error needs no message: `Parameter.check` writes it from the annotation.
             raise ValueError from None

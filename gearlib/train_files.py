@@ -30,7 +30,7 @@ def write_train(train: Any, path: Any) -> None:
     """
     from gearlib.data import files, result, storage
 
-    suffix = checks.one_of("suffix", Path(path).suffix, _SUFFIXES)
+    suffix = checks.check_choice("suffix", Path(path).suffix, _SUFFIXES)
     if train.matrices is not None:
         problem = "of given matrices cannot be written: only trains of bodies can"
         raise checks.InputError("train", problem=problem)
@@ -104,7 +104,7 @@ def read_train(path: Any) -> Any:
     from gearlib.data import storage
     from gearlib.models import from_values
 
-    if checks.one_of("suffix", Path(path).suffix, _SUFFIXES) == ".nc":
+    if checks.check_choice("suffix", Path(path).suffix, _SUFFIXES) == ".nc":
         train = from_values.model_from_json(storage.read(path).attrs.get("model", "null"))
         if getattr(train, "train", None) is None:
             raise ValueError(f"{path} has no gear train: it must be written by gearlib.write_train")

@@ -99,7 +99,7 @@ def duty_point(
             )
         model = gears
     else:
-        checks.gear_stage(gears, "gears", " or a model")
+        checks.check_gear_stage(gears, "gears", " or a model")
         torque = torque_of(torque, options.pop("power", None), speed)
         model = default_load_sharing_pair(gears, torque=torque, **options)
         # Each mesh period has a stiffness table for each subset of the tooth pairs in mesh.

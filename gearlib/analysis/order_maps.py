@@ -317,17 +317,17 @@ def _motion(
     names = set(getattr(run, "variables", ()))  # empty unless `run` is a dataset
     if "time" in names and "phase" not in names:
         return rig_signal(run, variable, highest, tacho, pulses_per_revolution, teeth)
-    checks.one_of("variable", variable, tuple(_VARIABLES))
+    checks.check_choice("variable", variable, tuple(_VARIABLES))
     condition = "for a run-up, whose shaft angle is known"
     checks.require(tacho is None, "tacho", tacho, f"None {condition}")
     if pulses_per_revolution != 1:
-        raise checks.refusal("pulses_per_revolution", pulses_per_revolution, f"1 {condition}")
+        raise checks.InputError("pulses_per_revolution", pulses_per_revolution, f"1 {condition}")
     simulated_names = {"mesh_frequency", "static_deflection", "force_scale", "contact", *_VARIABLES}
     is_simulation = simulated_names <= names and run.displacement.dims[0] == "phase"
     is_run_up = names >= {variable, "time", "speed", "phase"} and "time" in run.sizes
     if not (is_simulation or is_run_up):
         expected = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
-        raise checks.refusal("run", _name_of_run(run), expected)
+        raise checks.InputError("run", _name_of_run(run), expected)
     return _motion_of_run(run, variable)
 
 
@@ -654,7 +654,7 @@ def orders(run, *, count: Count | None = None):
     names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
     if not names <= set(getattr(run, "variables", ())):
         expected = "a dataset of gearlib.simulate for a model with rotating bodies"
-        raise checks.refusal("run", _name_of_run(run), expected)
+        raise checks.InputError("run", _name_of_run(run), expected)
     mesh_orders, sums = record_sums(run, count)
     dims = ("order", *run.displacement.dims[1:])
     column_shape = -1, *[1] * (len(dims) - 1)

@@ -275,7 +275,7 @@ def _samples(data: xr.Dataset, variable: str) -> tuple:
     "time", if there are fewer than four samples, if one is infinite, or if times do not increase.
     """
     if variable not in data.variables or data[variable].shape != data["time"].shape:
-        raise checks.refusal("variable", variable, "a variable of the dataset over time")
+        raise checks.InputError("variable", variable, "a variable of the dataset over time")
     time = np.asarray(data["time"].values, float)
     values = np.asarray(data[variable].values, float)
     if time.ndim != 1 or time.size < 4:
@@ -286,7 +286,7 @@ def _samples(data: xr.Dataset, variable: str) -> tuple:
     not_increasing = known[1:][np.diff(time[known]) <= 0.0]
     if not_increasing.size:
         i = int(not_increasing[0])
-        raise checks.refusal(f"time[{i}]", float(time[i]), "later than the sample before")
+        raise checks.InputError(f"time[{i}]", float(time[i]), "later than the sample before")
     return time, values
 
 
@@ -298,7 +298,9 @@ def _require_no_infinity(name: str, values: np.ndarray) -> None:
     infinite = np.flatnonzero(np.isinf(values))
     if infinite.size:
         i = int(infinite[0])
-        raise checks.refusal(f"{name}[{i}]", float(values[i]), "finite, or NaN where it is missing")
+        raise checks.InputError(
+            f"{name}[{i}]", float(values[i]), "finite, or NaN where it is missing"
+        )
 
 
 def _steps_over_usual(steps: np.ndarray, angles: np.ndarray) -> np.ndarray:
@@ -355,7 +357,7 @@ def _pulse_times(tacho: ArrayLike) -> np.ndarray:
     not_increasing = np.flatnonzero(np.diff(times) <= 0.0) + 1
     if not_increasing.size:
         i = int(not_increasing[0])
-        raise checks.refusal(f"tacho[{i}]", float(times[i]), "later than the pulse before, s")
+        raise checks.InputError(f"tacho[{i}]", float(times[i]), "later than the pulse before, s")
     return times
 
 

@@ -140,7 +140,7 @@ def sensitivities(
     checks.require(is_model(model), "model", model, "a model such as GearPair")
     allowed = "a name or a sequence of names"
     names = [parameters] if isinstance(parameters, str) else parameters
-    names = checks.sequence("parameters", names, allowed=allowed)
+    names = checks.check_sequence("parameters", names, allowed=allowed)
     checks.require(names, "parameters", parameters, allowed)
     descriptions = dict(model.settable)  # name -> (units, long name)
     for name in arguments:
@@ -151,7 +151,9 @@ def sensitivities(
     remaining = list(names)
     for name in limit.each(with_bar("parameters", names, len(names))):
         remaining.remove(name)
-        parameter_units, parameter = descriptions[checks.one_of("parameters", name, descriptions)]
+        parameter_units, parameter = descriptions[
+            checks.check_choice("parameters", name, descriptions)
+        ]
         value = arguments[name] if name in arguments else model.value(name)
         check(name, value, Finite)
         run = _run_function(call, model, name, arguments)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import click
 
 from gearlib import config, units
-from gearlib.checks import refusal
+from gearlib.checks import InputError
 from gearlib.cli import options
 from gearlib.config import gear_names, overlay, validation
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
@@ -30,8 +30,8 @@ _UNUSED_PAIR = {"gear_pair": PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1}}
 class Gears(NamedTuple):
     """Gears that options and a configuration describe."""
 
-    mapping: dict  #: the configuration, updated by the options
-    settings: Any  #: the validated configuration of `mapping`
+    config_dict: dict  #: the configuration, updated by the options
+    configuration: Any  #: the validated configuration of `config_dict`
     damping: str  #: name of the damping
     kind: str  #: kind of the model: teeth, rectangle, six_degrees or train
     geometry: Any  #: the section `gears` if the model is a single pair given by geometry, else None
@@ -40,8 +40,8 @@ class Gears(NamedTuple):
     def name(self) -> str:
         """Name of the gears as a string for titles, which says what the model leaves out."""
         if self.kind == "train":
-            return gear_names.name_of_train(self.settings)
-        return gear_names.name_of_pair(self.settings, self.kind == "teeth")
+            return gear_names.name_of_train(self.configuration)
+        return gear_names.name_of_pair(self.configuration, self.kind == "teeth")
 
     def model(self, pitch_errors: bool = True):
         """Return the model of the gears, such as a `GearTrain` for the kind "train".
@@ -51,9 +51,9 @@ class Gears(NamedTuple):
         """
         from gearlib.models.from_values import model
 
-        if self.kind == "six_degrees" and self.settings.six_degrees.bearing_stiffness is None:
+        if self.kind == "six_degrees" and self.configuration.six_degrees.bearing_stiffness is None:
             raise click.UsageError(f"{MISSING_BEARINGS}; --bearing-stiffness sets all four")
-        return model(self.settings.gears_model(self.damping, self.kind, pitch_errors))
+        return model(self.configuration.gears_model(self.damping, self.kind, pitch_errors))
 
     def rectangle(self) -> "Gears":
         """Return these gears with a rectangular stiffness in place of pairs of teeth."""
@@ -65,10 +65,12 @@ class Gears(NamedTuple):
         If a geometry determines the stiffness, the text names the method of the computation.
         """
         if self.kind == "teeth":
-            return model.stiffness_model + gear_names.unused_options(self.settings.gears)
-        if self.kind == "train" or not self.settings.gears:
+            return model.stiffness_model + gear_names.unused_options(self.configuration.gears)
+        if self.kind == "train" or not self.configuration.gears:
             return model.stiffness_model
-        return f"{model.stiffness_model}, {METHOD_NAMES[self.settings.gears.stiffness or 'iso']}"
+        return (
+            f"{model.stiffness_model}, {METHOD_NAMES[self.configuration.gears.stiffness or 'iso']}"
+        )
 
     def description(self, model: Any) -> str:
         """Return a text with the name of the gears, the stiffness of `model`, and the backlash.
@@ -83,7 +85,7 @@ class Gears(NamedTuple):
         return "; ".join(parts)
 
 
-def in_rpm(name, value):
+def speed_in_rpm(name, value):
     """Return the speed of an option as a number in rpm, or None if the option is not given.
 
     `name` is the name of the option for the error message; `value` is a number, a string such as
@@ -93,20 +95,20 @@ def in_rpm(name, value):
         return value
     speed = units.rpm(value)
     if speed is None:
-        raise refusal(name, value, "a number, or a speed in rpm such as 1500rpm")
+        raise InputError(name, value, "a number, or a speed in rpm such as 1500rpm")
     return float(speed)
 
 
-def take_gears(values: dict, moves: bool = True, needs_geometry: bool = False) -> Gears:
+def pop_gears(values: dict, needs_damping: bool = True, needs_geometry: bool = False) -> Gears:
     """Remove the options that describe gears from the dict `values`, and return the gears.
 
-    Options take precedence over the configuration. With `moves` the gears must have a damping, with
+    Options take precedence over the configuration. With `needs_damping` the gears must have a damping, with
     `needs_geometry` they must be given by geometry. Sections that a command does not need and the
     configuration lacks are `_UNDAMPED` and `_UNUSED_PAIR`.
     """
     damping, kind, profile = (values.pop(name, None) for name in ("damping", "model", "profile"))
-    mapping = _read(values.pop("config"), damping)
-    sections = _take_sections(values, needs_geometry)
+    config_dict = _read_configuration(values.pop("config"), damping)
+    sections = _pop_sections(values, needs_geometry)
     stage, pair, coefficients = (sections[key] for key in ("gears", "gear_pair", "dampings"))
     # A damping needs two coefficients; --damping-ratio alone means no damping without contact.
     if "damping_ratio" in coefficients and "backlash_damping" not in coefficients:
@@ -116,56 +118,58 @@ def take_gears(values: dict, moves: bool = True, needs_geometry: bool = False) -
     bearings = {name: [value] * 4 for name, value in bearings.items() if value is not None}
     if bearings and kind != "six_degrees":
         raise click.UsageError("--bearing-stiffness and --bearing-damping need --model six_degrees")
-    if kind == "train" and "train" not in mapping:
+    if kind == "train" and "train" not in config_dict:
         raise click.UsageError(NO_TRAIN)
     # The option --backlash belongs to the geometry if there is one.
-    if "backlash" in pair and ("gears" in mapping or stage):
+    if "backlash" in pair and ("gears" in config_dict or stage):
         stage["backlash"] = pair.pop("backlash")
-    if stage and "gears" not in mapping:
+    if stage and "gears" not in config_dict:
         # Dampings and bearings of the configuration belong to its own gears and are left out.
-        mapping = _select(mapping, "train", *(["dampings"] if damping else []))
-    mapping = overlay(mapping, {"gears": stage} if stage else {})
-    train = mapping.get("train")
+        config_dict = _select_keys(config_dict, "train", *(["dampings"] if damping else []))
+    config_dict = overlay(config_dict, {"gears": stage} if stage else {})
+    train = config_dict.get("train")
     needs_pair = not isinstance(train, dict) or train.get("kind", PAIR_TRAINS[0]) in PAIR_TRAINS
-    if "gears" in mapping:
-        if "dampings" not in mapping and not coefficients:
-            if moves:
+    if "gears" in config_dict:
+        if "dampings" not in config_dict and not coefficients:
+            if needs_damping:
                 raise click.UsageError("damping_ratio is missing: give --damping-ratio, >= 0, < 1")
-            mapping |= _UNDAMPED
+            config_dict |= _UNDAMPED
         if pair:
             # Options of the gear pair replace parameters that follow from the geometry.
-            derived = config.load(_UNDAMPED | {"gears": mapping["gears"]}).gear_pair
+            derived = config.load(_UNDAMPED | {"gears": config_dict["gears"]}).gear_pair
             pair = derived.model_dump() | pair
     elif needs_geometry:
         raise click.UsageError("gears is missing: give --teeth, --module ..., or a configuration")
-    elif "gear_pair" not in mapping and not pair and not needs_pair:
+    elif "gear_pair" not in config_dict and not pair and not needs_pair:
         if kind != "train":
             raise click.UsageError("gears is missing: the configuration describes a train only")
-        mapping = _UNDAMPED | _UNUSED_PAIR | mapping
+        config_dict = _UNDAMPED | _UNUSED_PAIR | config_dict
     # A damping that only options describe is named "options".
-    configured = mapping.get("dampings")
+    configured = config_dict.get("dampings")
     damping = damping or next(iter(configured if isinstance(configured, dict) else ()), "options")
-    dampings = {damping: coefficients} if coefficients or not mapping else {}
+    dampings = {damping: coefficients} if coefficients or not config_dict else {}
     changes = {"gear_pair": pair, "dampings": dampings, "six_degrees": bearings}
     if profile is not None:
         changes["profile"] = profile
     # Without a configuration empty sections are kept, so that their missing keys are reported.
-    changes = {key: section for key, section in changes.items() if section or not mapping}
-    mapping = overlay(mapping, changes)
+    changes = {key: section for key, section in changes.items() if section or not config_dict}
+    config_dict = overlay(config_dict, changes)
     # Other sections may not be valid for gears that options have changed.
-    settings = config.load(_select(mapping, *_NEEDED_SECTIONS) if stage or changes else mapping)
-    if damping not in settings.dampings:
-        raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
-    if moves and kind == "train" and mesh_damping_error(settings):
-        raise click.UsageError(mesh_damping_error(settings))
-    kind = kind or ("teeth" if settings.gears else "rectangle")
-    if kind == "teeth" and not settings.gears:
-        raise refusal("--model", kind, "rectangle: the gears are not given by their geometry")
-    geometry = settings.gears if kind in ("teeth", "rectangle") else None
-    return Gears(mapping, settings, damping=damping, kind=kind, geometry=geometry)
+    configuration = config.load(
+        _select_keys(config_dict, *_NEEDED_SECTIONS) if stage or changes else config_dict
+    )
+    if damping not in configuration.dampings:
+        raise InputError("damping", damping, f"one of {', '.join(configuration.dampings)}")
+    if needs_damping and kind == "train" and mesh_damping_error(configuration):
+        raise click.UsageError(mesh_damping_error(configuration))
+    kind = kind or ("teeth" if configuration.gears else "rectangle")
+    if kind == "teeth" and not configuration.gears:
+        raise InputError("--model", kind, "rectangle: the gears are not given by their geometry")
+    geometry = configuration.gears if kind in ("teeth", "rectangle") else None
+    return Gears(config_dict, configuration, damping=damping, kind=kind, geometry=geometry)
 
 
-def _read(path: Path | None, damping: str | None) -> dict:
+def _read_configuration(path: Path | None, damping: str | None) -> dict:
     """Return the configuration as a dict, read from a YAML file; {} if there is no file.
 
     `path` is the option --config; with None the file is config.yaml in this folder. `damping` is
@@ -176,14 +180,14 @@ def _read(path: Path | None, damping: str | None) -> dict:
         if damping:
             raise click.UsageError("--damping needs a configuration: give --config")
         return {}
-    mapping, messages = validation.read_yaml(path or DEFAULT_CONFIG)
-    messages = messages or config.unknown_sections(mapping)
+    config_dict, messages = validation.read_yaml(path or DEFAULT_CONFIG)
+    messages = messages or config.unknown_sections(config_dict)
     if messages:
         raise click.UsageError("\n".join(messages))
-    return mapping
+    return config_dict
 
 
-def _take_sections(values: dict, needs_geometry: bool) -> dict:
+def _pop_sections(values: dict, needs_geometry: bool) -> dict:
     """Remove the options that are configuration keys from `values`, and return their sections.
 
     The result is a nested dict {section: {key: value}} as in a YAML file. With `needs_geometry` the
@@ -195,11 +199,11 @@ def _take_sections(values: dict, needs_geometry: bool) -> dict:
     teeth = values.pop("teeth")
     if isinstance(teeth, str):
         if len(teeth.split()) != 2:
-            raise refusal("--teeth", teeth, "an integer, or two values, PINION WHEEL")
+            raise InputError("--teeth", teeth, "an integer, or two values, PINION WHEEL")
         for gear, count in zip(("pinion", "wheel"), teeth.split(), strict=True):
-            sections["gears"][gear] = {"teeth": options.number_or_text(count)}
+            sections["gears"][gear] = {"teeth": options.parse_number(count)}
     elif needs_geometry and teeth is not None:
-        raise refusal("--teeth", teeth, "two values, PINION WHEEL")
+        raise InputError("--teeth", teeth, "two values, PINION WHEEL")
     elif teeth is not None:
         sections["gear_pair"]["teeth"] = teeth
     key_groups = options.GEOMETRY + (options.MESH if needs_geometry else options.PAIR_KEYS)
@@ -220,6 +224,6 @@ def _take_sections(values: dict, needs_geometry: bool) -> dict:
     return sections
 
 
-def _select(mapping: dict, *keys: str) -> dict:
-    """Return a dict of the entries of a mapping that have one of these keys."""
-    return {key: mapping[key] for key in keys if key in mapping}
+def _select_keys(config_dict: dict, *keys: str) -> dict:
+    """Return a dict of the entries of a config_dict that have one of these keys."""
+    return {key: config_dict[key] for key in keys if key in config_dict}

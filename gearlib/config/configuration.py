@@ -114,7 +114,7 @@ class Config(Section):
         self._check_sizes()
         if self.profile and self.gears:
             allowed = "left out where gears are given: their stiffness is that of their teeth"
-            raise checks.refusal("profile", self.profile.kind, allowed)
+            raise checks.InputError("profile", self.profile.kind, allowed)
         measured_description.read_sets(self.measured)  # This call only raises errors.
         # The workflow, which computes the targets, calls `target_errors` itself. If the gears are
         # given by geometry, its errors are raised here as well, so that all commands report them.

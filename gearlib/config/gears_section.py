@@ -69,7 +69,7 @@ def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) 
     `pinion` of the mating gear, if given, or from `defaults`, further fields of `SpurGear`.
     """
     pinion_values = None if pinion is None else pinion.model_dump()
-    with checks.below(section_key):
+    with checks.prefix_error_paths(section_key):
         return gear_from_dict(gear.model_dump(), pinion_values, **defaults)
 
 
@@ -185,7 +185,9 @@ class Gears(MethodSection, StageSection):
         They are rounded to 12 digits. The damping is left out, because it has a section of its own.
         """
         mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
-        with checks.below("", outer_diameter="wheel.outer_diameter", **self.option_keys()):
+        with checks.prefix_error_paths(
+            "", outer_diameter="wheel.outer_diameter", **self.option_keys()
+        ):
             values = mesh.pair_parameters(**arguments)
         return {name: rounded(value) for name, value in values.items() if "damping" not in name}
 
@@ -244,7 +246,7 @@ class HarrisMap(Section):
         The Harris map shows the static transmission error at several loads and needs this
         stiffness.
         """
-        with checks.below("gears"):
+        with checks.prefix_error_paths("gears"):
             self.gears.check(stiffness_methods=[self.stiffness])
         return self
 
@@ -272,7 +274,7 @@ class DynamicFactor(Section):
         `start` and `stop` are speeds in rpm; None means that they follow from the resonance speed
         later.
         """
-        with checks.below("gears"):
+        with checks.prefix_error_paths("gears"):
             self.gears.check(stiffness_methods=())
         allowed = f"above start = {self.start!r}"
         is_range = self.start is None or self.stop is None or self.start < self.stop
@@ -316,7 +318,7 @@ def configured_gears_error(config: Any, section_name: str) -> str:
     methods = {"mesh_stiffness": ["iso", "energy"], "harris_map": [config.harris_map.stiffness]}
     try:
         for pair in stage_sections(config, section_name).values():
-            with checks.below("gears"):
+            with checks.prefix_error_paths("gears"):
                 pair.check(stiffness_methods=methods.get(section_name, ()))
     except ValueError as error:
         return str(error)

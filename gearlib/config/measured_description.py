@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError, model
 
 from gearlib import parameters as p
 from gearlib import units
-from gearlib.checks import refusal, require
+from gearlib.checks import InputError, require
 from gearlib.config import types as t
 from gearlib.config import validation
 from gearlib.config.types import Section, field, list_of, quantity
@@ -87,7 +87,9 @@ def free_range(name, limits):
     try:
         return TypeAdapter(annotation).validate_python([*limits], context={})
     except ValidationError:
-        raise refusal(f"free.{name}", list(limits), requirement(annotation, in_file=True)) from None
+        raise InputError(
+            f"free.{name}", list(limits), requirement(annotation, in_file=True)
+        ) from None
 
 
 class Channel(Section):
@@ -164,7 +166,7 @@ class Channel(Section):
         unit_names = " or ".join(written_unit for _, written_unit in unit_pairs)
         zero = ", from absolute zero" if unit_names == "K" else ""
         allowed = f"a value in, or a unit of the dimension of {unit_names}{zero}, for {name}"
-        raise refusal(f"channels.{key}.{unit_key}", getattr(self, unit_key), allowed)
+        raise InputError(f"channels.{key}.{unit_key}", getattr(self, unit_key), allowed)
 
     def noise_std(self, key):
         """Return the standard deviation of this channel in CF units, 0 if it is not given.
@@ -313,7 +315,9 @@ def read_sets(paths):
         description = read(path)
         for table_path in description.files(path):
             if not Path(table_path).is_file():
-                raise ValueError(f"{path}: {refusal('data', description.data, 'a file beside it')}")
+                raise ValueError(
+                    f"{path}: {InputError('data', description.data, 'a file beside it')}"
+                )
         descriptions[name] = path, description
     return descriptions
 

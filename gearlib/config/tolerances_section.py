@@ -50,7 +50,7 @@ class ToleratedParameter(Section):
             return {name: _to_si(f"{key}.{name}", x, unit) for name, x in values.items()}
         if values:
             name, value = next(iter(values.items()))
-            raise checks.refusal(f"{key}.{name}", value, "left out beside a distribution")
+            raise checks.InputError(f"{key}.{name}", value, "left out beside a distribution")
         return {"distribution": self.distribution, **(self.shape or {})}
 
 
@@ -68,7 +68,7 @@ def _to_si(key, value, unit):
         words = f" in {unit.unit} or a text with its unit such as {unit.example!r}"
         percentage = ", or a share such as '5 %'" if key.endswith(_DEVIATIONS) else ""
         allowed = f"a finite number{words if unit.unit != '1' else ''}{percentage}"
-        raise checks.refusal(key, value, allowed) from None
+        raise checks.InputError(key, value, allowed) from None
 
 
 class Correlation(Section):

@@ -84,7 +84,7 @@ class PlanetarySet(_Set):
         """
         sun, planet = spur_gear("sun", self.sun), spur_gear("planet", self.planet, self.sun)
         ring = spur_gear("ring", self.ring, self.sun, internal=True)
-        with checks.below("", **self.option_keys()):
+        with checks.prefix_error_paths("", **self.option_keys()):
             layout_keys = {"planets", "positions", "centre_distance", "backlashes"}
             planets = planetary_meshes(sun, planet, ring, **self.model_dump(include=layout_keys))
             arguments = self.arguments()
@@ -211,7 +211,7 @@ class Own(Section):
             # Names in errors -> keys of the configuration.
             places = {"pinion": keys[pinion], "wheel": keys[wheel]} | mesh.option_keys(f"{key}.")
             places["outer_diameter"] = f"{keys[wheel]}.outer_diameter"
-            with checks.below(key, **places):
+            with checks.prefix_error_paths(key, **places):
                 # This call only raises errors; the train computes the parameters again.
                 GearStage(gears[pinion], gears[wheel], distance).train_parameters(**arguments)
         return self
@@ -230,7 +230,7 @@ def _check_mesh_without_geometry(mesh_key: str, mesh: Any) -> None:
     geometry_values = mesh.model_dump(include=GEOMETRY_KEYS - {"material_damping"})
     for key, value in geometry_values.items():
         # No such key is allowed, and the error names the first one.
-        raise checks.refusal(f"{mesh_key}.{key}", value, allowed)
+        raise checks.InputError(f"{mesh_key}.{key}", value, allowed)
 
 
 #: Kinds of trains in which every mesh is the gear pair with one of the dampings.

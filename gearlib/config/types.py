@@ -23,7 +23,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema
 
 from gearlib import parameters, tunings, units
-from gearlib.checks import InputError, refusal, require
+from gearlib.checks import InputError, require
 from gearlib.parameters import INTEGER, Allowed, Unit
 
 #: Largest number of jobs or tunings; it catches a mistyped step.
@@ -245,7 +245,7 @@ class Section(pydantic.BaseModel):
     def missing(self, key):
         """Return an error which says that `key` is missing, and which values are allowed."""
         annotation = parameters.place_of(type(self), (key,))[1]
-        return refusal(key, None, parameters.requirement(annotation, in_file=True))
+        return InputError(key, None, parameters.requirement(annotation, in_file=True))
 
 
 def create_section(
@@ -384,7 +384,7 @@ class Grid(NumericGrid):
         # Start, stop and step are needed in rpm as well, even where the file leaves them out.
         for key in (*keys[:3], *speeds):
             if speeds.get(key) is None:
-                raise refusal(
+                raise InputError(
                     key, section.get(key), "in rpm as the other keys of the grid, or none"
                 )
         start, stop, step = (speeds[key] for key in keys[:3])

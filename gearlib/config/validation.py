@@ -11,7 +11,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from gearlib import parameters
-from gearlib.checks import InputError, problem_of
+from gearlib.checks import InputError, describe_violation
 
 #: Largest numbers of characters of a value, and of sections in a message.
 _MAX_CHARACTERS, _MAX_SECTIONS = 60, 3
@@ -55,7 +55,7 @@ def _sentence(details: Any, root: type, content: Any) -> str:
     if kind == "missing":
         return f"{key} is missing: it must be {allowed}"
     value = _value_at(content, path, details["input"])
-    problem = problem_of(as_text(value), allowed + _hint(value, annotation))
+    problem = describe_violation(as_text(value), allowed + _hint(value, annotation))
     return f"{key or 'the configuration'} {problem}"
 
 
@@ -76,7 +76,7 @@ def sentence(error: InputError, section: str, content: Any) -> str:
         return f"{place} is missing: it must be {error.requirement}"
     if value is None:
         value = float(f"{error.value:.6g}") if isinstance(error.value, float) else error.value
-    return f"{place} {problem_of(as_text(value), error.requirement)}"
+    return f"{place} {describe_violation(as_text(value), error.requirement)}"
 
 
 def _value_at(content: Any, path: Any, default: Any) -> Any:

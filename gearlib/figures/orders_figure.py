@@ -42,7 +42,7 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
     ValueError
         If a dataset is not an order spectrum, or lacks the variable.
     """
-    checks.one_of("variable", variable, ("force_amplitude", "error_amplitude"))
+    checks.check_choice("variable", variable, ("force_amplitude", "error_amplitude"))
     # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "order", "caller": "orders", "source": "orders"}
     curves = plot_curves.curves(spectra, labels, (variable, "mesh_order"), **sources)
@@ -154,7 +154,7 @@ def order_map(
     ValueError
         If a dataset is not an order map of one mesh, or the two maps have different variables.
     """
-    checks.one_of("vertical", vertical, ("order", "frequency"))
+    checks.check_choice("vertical", vertical, ("order", "frequency"))
     for name, data in {"found": found, "measured": found if measured is None else measured}.items():
         if getattr(getattr(data, "amplitude", None), "dims", ()) != ("time", "order"):
             raise ValueError(

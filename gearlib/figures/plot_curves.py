@@ -58,7 +58,7 @@ def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Cu
         require(caller, dataset, names, source, dim)
     if labels is not None:
         allowed = f"{len(datasets)} texts, one for each dataset"
-        texts = [text for text in checks.sequence("labels", labels) if isinstance(text, str)]
+        texts = [text for text in checks.check_sequence("labels", labels) if isinstance(text, str)]
         checks.require(len(texts) == len(labels) == len(datasets), "labels", labels, allowed)
     data, properties = [], []
     for i, dataset in enumerate(datasets):

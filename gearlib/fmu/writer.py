@@ -89,7 +89,7 @@ def write_fmu(
     """
     path = Path(path)
     checks.require(path.suffix == ".fmu", "path", str(path), "a name that ends with .fmu")
-    train = checks.train_of(model)
+    train = checks.require_train(model)
     matrices.check_train(train, prescribed_speed)
     bearing_names, bearing_rows = matrices.bearings(train)
     data = matrices.model_data(train, prescribed_speed, speed)

@@ -185,7 +185,7 @@ class Gearbox:
         notes.
         """
         case = next(iter(self.load_cases)) if load_case is None else load_case
-        checks.one_of("load_case", case, list(self.load_cases))
+        checks.check_choice("load_case", case, list(self.load_cases))
         if case not in self._loads:
             self._loads[case] = solve(self, None if case == NOMINAL else case)
             for text in self._loads[case].notes:
@@ -194,7 +194,7 @@ class Gearbox:
 
     def _stage_called(self, name: str) -> Stage:
         """Return the stage with a name, or raise ValueError if there is none."""
-        return self.stages[checks.one_of("stage", name, list(self.stages))]
+        return self.stages[checks.check_choice("stage", name, list(self.stages))]
 
     def load(self, stage: str, load_case: str | None = None) -> dict[str, float]:
         """Return the torque (N m) and the speed (rpm) of the pinion of a stage in a load case.

@@ -463,7 +463,7 @@ def build(
     # not be 0.
     least_speed = 1e-9 * max(map(abs, speeds_in_frame.values()))
     choices = [name for name, speed in speeds_in_frame.items() if abs(speed) > least_speed]
-    reference = checks.one_of("reference", reference or choices[0], choices)
+    reference = checks.check_choice("reference", reference or choices[0], choices)
     return GearTrain(
         bodies=bodies,
         meshes=meshes,

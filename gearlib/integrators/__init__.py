@@ -88,7 +88,7 @@ def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dic
     checks.require(is_model(model), "model", model, allowed)
     if name is None:
         name = next((name for name in AUTOMATIC if METHODS[name].supports(model)), None)
-    checks.one_of("method", name, tuple(METHODS))
+    checks.check_choice("method", name, tuple(METHODS))
     # Other methods are looked up only for an error message, because their modules load slowly.
     reason = reason_unsupported(model, name)
     if reason:
@@ -112,7 +112,7 @@ def _checked_options(method_name: str, options: dict | None) -> dict:
     """
     known_options = METHODS[method_name].OPTIONS
     values = {option_name: option.default for option_name, option in known_options.items()}
-    for option_name, value in checks.options(options).items():
+    for option_name, value in checks.check_options(options).items():
         if option_name not in known_options:
             known_names = ", ".join(map(repr, known_options)) or "no options"
             raise ValueError(

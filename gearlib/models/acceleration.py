@@ -45,7 +45,7 @@ def train_accelerations(train: Any, driver: str | None = None) -> np.ndarray:
     names, structure = list(train.by_name), train.structure
     free_motions, mass = train.free_motions, structure.mass  # columns: rigid-body motions, (n, k)
     if driver is not None:
-        checks.one_of("driver", driver, names)
+        checks.check_choice("driver", driver, names)
     motion, speeds = rigid_motion(train, names)
     force = -mass @ motion
     if free_motions.size:

@@ -518,9 +518,9 @@ def default_load_sharing_pair(stage, *, stiffness=None, options=None, **argument
     `gearlib.geometry.mesh_stiffness`, of which only coupling and twist are used; `arguments`, such
     as torque and damping_ratio, are passed to `LoadSharingPair.from_geometry`.
     """
-    stiffness = stiffness or checks.gear_stage(stage).tooth_stiffness  # "energy" or "iso"
+    stiffness = stiffness or checks.check_gear_stage(stage).tooth_stiffness  # "energy" or "iso"
     options = options or {}
-    checks.check_known_parameters("stiffness", options, _STIFFNESS_OPTIONS)
+    checks.check_parameter_names("stiffness", options, _STIFFNESS_OPTIONS)
     if stiffness == "energy":
         arguments |= {name: options[name] for name in PAIR_OPTIONS if name in options}
     return LoadSharingPair.from_geometry(stage, stiffness=stiffness, **arguments)

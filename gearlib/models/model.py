@@ -462,7 +462,7 @@ class Model:
         """
         model_fields = fields_of(self)
         all_fields = model_fields | (fields_of(self.pair) if self.pair else {})
-        checks.check_known_parameters(type(self).__name__, changes, list(all_fields))
+        checks.check_parameter_names(type(self).__name__, changes, list(all_fields))
         # A field that is None is set to its default when the new model is created.
         recomputed = {
             name: None

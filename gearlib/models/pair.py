@@ -137,7 +137,7 @@ class GearPair(PairParameters, Model):
         ValueError
             If a value is impossible; the message names parameter, value and range.
         """
-        return cls(**checks.gear_stage(stage).pair_parameters(**options))
+        return cls(**checks.check_gear_stage(stage).pair_parameters(**options))
 
     @property
     def pair(self) -> "GearPair":

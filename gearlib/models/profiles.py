@@ -412,7 +412,9 @@ def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
             allowed = f"{len(header)}, one for each column"
             if separator == ",":
                 allowed += "; decimal commas need semicolons between cells"
-            raise checks.refusal(f"the number of cells in line {line_number}", len(cells), allowed)
+            raise checks.InputError(
+                f"the number of cells in line {line_number}", len(cells), allowed
+            )
         for name, i, column in zip(names, indices, columns, strict=True):
             cell = cells[i]
             # If a file had both signs, it would be unclear which one separates thousands.
@@ -423,7 +425,7 @@ def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
                 column.append(float(cell.replace(decimal_sign or ".", ".")))
             except ValueError:
                 allowed = f"a number with the decimal sign {decimal_sign or '.'!r}"
-                raise checks.refusal(f"line {line_number}: {name}", cell, allowed) from None
+                raise checks.InputError(f"line {line_number}: {name}", cell, allowed) from None
     return [*map(tuple, columns)]
 
 

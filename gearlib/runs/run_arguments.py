@@ -55,7 +55,7 @@ def tuning_at_speed(model, name: str, speed: float) -> float:
     """
     resonance_speed = float(model.speed(1.0))
     speed = parameters.check(name, speed, Speed)
-    speed = checks.checked_speed(name, speed, resonance_speed)
+    speed = checks.check_speed(name, speed, resonance_speed)
     return float(model.tuning_at(speed))
 
 
@@ -68,7 +68,7 @@ def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
     has no time scale.
     """
     checks.require(is_model(model), "model", model, "a model such as GearPair")
-    checks.exactly_one(tuning_name, tuning, speed_name, speed)
+    checks.require_exactly_one(tuning_name, tuning, speed_name, speed)
     if speed is not None:
         allowed = f"{tuning_name}, because this model has no rotating bodies"
         checks.require(model.speed is not None, speed_name, speed, allowed)

@@ -242,8 +242,8 @@ def speed_course(
     else:
         if start is None or stop is None:
             name = "start" if start is None else "stop"
-            raise checks.refusal(name, None, "a finite number >= 0, rpm")
-        checks.exactly_one("duration", duration, "acceleration", acceleration)
+            raise checks.InputError(name, None, "a finite number >= 0, rpm")
+        checks.require_exactly_one("duration", duration, "acceleration", acceleration)
         if acceleration is not None:
             duration = abs(stop - start) / acceleration
             allowed = "> 0 s, the difference of start and stop over the acceleration"

@@ -77,7 +77,7 @@ def _speed_course(metadata: dict) -> tuple[list, dict]:
     options = metadata.get("options", {})
     checks.require(isinstance(options, dict), "known.options", options, "a mapping")
     for name in options:
-        checks.one_of("known.options", name, _RUN_UP_OPTIONS)
+        checks.check_choice("known.options", name, _RUN_UP_OPTIONS)
     try:
         return speed_course(speed=metadata["course"]).tolist(), options
     except ValueError as error:

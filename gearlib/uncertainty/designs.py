@@ -97,7 +97,7 @@ class StageDesign:
         varied keeps the value of the stage; otherwise it follows from the profile shifts, centre
         distance and allowances of each sample.
         """
-        self.stage = checks.gear_stage(mesh)
+        self.stage = checks.check_gear_stage(mesh)
         self.keep_backlash = keep_backlash
         self.options = options
         self.parameters = geometry_parameters()
@@ -533,8 +533,8 @@ def checked_names(key: str, names: Any, allowed: tuple) -> tuple:
     """
     names_allowed = f"a sequence of {', '.join(map(repr, allowed))}"
     checks.require(not isinstance(names, str), key, names, names_allowed)
-    checked = tuple(checks.sequence(key, names, allowed=names_allowed))
+    checked = tuple(checks.check_sequence(key, names, allowed=names_allowed))
     for name in checked:
-        checks.one_of(key, name, allowed)
+        checks.check_choice(key, name, allowed)
     checks.require(len(set(checked)) == len(checked), key, names, "without repeated names")
     return checked

@@ -91,11 +91,11 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Toleranc
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         allowed = f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
-        raise checks.refusal("tolerances", tolerances, allowed)
+        raise checks.InputError("tolerances", tolerances, allowed)
     marginals = {}
     for name, tolerance in tolerances.items():
         if name != CORRELATIONS:
-            checks.one_of("tolerances", name, tuple(allowed_parameters))
+            checks.check_choice("tolerances", name, tuple(allowed_parameters))
             key = f"tolerances.{name}"
             if hasattr(tolerance, "items") and "distribution" in tolerance:
                 marginal = _named_distribution(key, tolerance)
@@ -110,13 +110,13 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Toleranc
             tolerated.check_range(key, tolerance, allowed_parameters[name], values)
             marginals[name] = marginal
     correlations: dict = {}
-    rows = checks.sequence(f"tolerances.{CORRELATIONS}", tolerances.get(CORRELATIONS, ()))
+    rows = checks.check_sequence(f"tolerances.{CORRELATIONS}", tolerances.get(CORRELATIONS, ()))
     for i, row in enumerate(rows):
         # A pair of parameters may have one correlation only, in either order of the names.
         key = f"tolerances.{CORRELATIONS}[{i}]"
-        first, second, coefficient = checks.sequence(key, row, 3)
+        first, second, coefficient = checks.check_sequence(key, row, 3)
         for name in (first, second):
-            checks.one_of(key, name, tuple(marginals))
+            checks.check_choice(key, name, tuple(marginals))
         checks.require(first != second, key, row, "two different parameters")
         names = frozenset((first, second))
         checks.require(names not in correlations, key, row, "a pair that occurs once")

@@ -260,10 +260,10 @@ def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.nd
         frequency = float(model.mesh_frequency(1.0)) / math.tau  # Hz
         model = model.replace(reference_frequency=frequency)
     if not hasattr(free, "items") or not free:
-        raise checks.refusal("free", free, "a mapping of parameters to (lowest, highest)")
+        raise checks.InputError("free", free, "a mapping of parameters to (lowest, highest)")
     ranges = {}
     for name, limits in free.items():
-        checks.one_of("free", name, model.settable)
+        checks.check_choice("free", name, model.settable)
         argument = f"free[{name!r}]"
         lower, upper = parameters.check(argument, limits, Limits)
         value = model.value(name)

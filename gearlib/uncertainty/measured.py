@@ -103,7 +103,7 @@ def _json_value(name: str, value: Any) -> Any:
     if isinstance(value, list):
         return [_json_value(f"{name}[{i}]", entry) for i, entry in enumerate(value)]
     if isinstance(value, float) and math.isnan(value):
-        raise checks.refusal(f"known.{name}", value, "a number or a text")
+        raise checks.InputError(f"known.{name}", value, "a number or a text")
     parameter = declared_parameters(PairParameters).get(name)
     unit = parameter.unit if parameter else ""
     if isinstance(value, str) and value[:1].isdigit() and unit:
@@ -111,7 +111,7 @@ def _json_value(name: str, value: Any) -> Any:
             return units.read(value, unit)
         except ValueError:
             allowed = f"a number or a text with a unit of the dimension of {unit}"
-            raise checks.refusal(f"known.{name}", value, allowed) from None
+            raise checks.InputError(f"known.{name}", value, allowed) from None
     return value if isinstance(value, str | int | float | None) else str(value)
 
 

@@ -44,7 +44,7 @@ def _header(file: TextIO, description: Any) -> list[str]:
         (cells,) = csv.reader([line], delimiter=description.separator, skipinitialspace=True)
         if any(cell.strip() for cell in cells):
             return [cell.strip() for cell in cells]
-    raise checks.refusal("data", description.data, "a file with names of columns: it is empty")
+    raise checks.InputError("data", description.data, "a file with names of columns: it is empty")
 
 
 def _required_columns(names: list[str], description: Any) -> list[str]:
@@ -137,10 +137,10 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
             names, rows = _header(file, description), file.read()
     except UnicodeError as error:
         allowed = f"{description.encoding} text ({getattr(error, 'reason', error)})"
-        raise checks.refusal("data", description.data, allowed) from None
+        raise checks.InputError("data", description.data, allowed) from None
     except (OSError, csv.Error) as error:
         allowed = f"a file beside its YAML ({error})"
-        raise checks.refusal("data", description.data, allowed) from None
+        raise checks.InputError("data", description.data, allowed) from None
     indices = {name: names.index(name) for name in _required_columns(names, description)}
     dtypes = {i: "category" if name in text_columns else float for name, i in indices.items()}
     try:
@@ -176,7 +176,9 @@ def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) 
     try:
         frame = _data_frame(rows, description, dict.fromkeys(number_columns, str), len(names))
     except ValueError as error:
-        return checks.refusal("data", description.data, f"a table ({' '.join(str(error).split())})")
+        return checks.InputError(
+            "data", description.data, f"a table ({' '.join(str(error).split())})"
+        )
     for i in number_columns:
         texts = frame[i].str.replace(other_sign, "no sign", regex=False)
         texts = texts.str.replace(description.decimal, ".", regex=False)
@@ -185,8 +187,8 @@ def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) 
             row = int(is_wrong.argmax())
             cell = f"{description.data}, column {names[i]!r}, row {row + 1}"
             allowed = f"a number, with the decimal sign {description.decimal!r} of the key decimal"
-            return checks.refusal(cell, frame[i].iloc[row], allowed)
-    return checks.refusal("data", description.data, "a table of numbers")
+            return checks.InputError(cell, frame[i].iloc[row], allowed)
+    return checks.InputError("data", description.data, "a table of numbers")
 
 
 def read_uff(path: Path, description: Any) -> dict:
@@ -214,7 +216,7 @@ def read_uff(path: Path, description: Any) -> dict:
             records = [file.read_sets(i) for i, number in enumerate(types) if int(number) == 58]
     except Exception as error:  # pyuff raises various errors for damaged files
         message = " ".join(str(error).split())
-        raise checks.refusal("data", description.data, f"a universal file ({message})") from None
+        raise checks.InputError("data", description.data, f"a universal file ({message})") from None
     checks.require(records, "data", description.data, "a universal file with sets 58: it has none")
     names = [str(record["id1"]).strip() for record in records]
     columns: dict = {}
@@ -280,7 +282,7 @@ def _check_axis_unit(channel: Any, key: str, where: str, label: str) -> None:
             return
         break
     allowed = f"{label!r}, the unit of the axis of {where}"
-    raise checks.refusal(f"channels.{key}.unit", channel.unit, allowed)
+    raise checks.InputError(f"channels.{key}.unit", channel.unit, allowed)
 
 
 def _written_units(label: str) -> tuple[str, str]:
@@ -319,7 +321,7 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
     wrong_rows = np.flatnonzero((noise < 0) | np.isinf(noise))
     if wrong_rows.size:
         cell = f"{where}{NOISE_COLUMN!r}, row {wrong_rows[0] + 1}"
-        raise checks.refusal(cell, noise[wrong_rows[0]], "a finite number >= 0")
+        raise checks.InputError(cell, noise[wrong_rows[0]], "a finite number >= 0")
     speeds = xr.Dataset()
     for key in list(channel_codes):
         name = description.channels[key].observableId or key
@@ -398,7 +400,7 @@ def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool
                 f"{where}, is empty or NaN: it must be a number; with gaps: true in its channel, "
                 "an empty cell means that nothing was measured"
             )
-        raise checks.refusal(where, float(values[row]), "finite")
+        raise checks.InputError(where, float(values[row]), "finite")
 
 
 def category_codes(where: str, column: Any) -> np.ndarray:
@@ -426,6 +428,6 @@ def seconds_since_first(where: str, column: Any) -> tuple[np.ndarray, str]:
     instants = pd.to_datetime(list(column.categories), utc=True, format="ISO8601", errors="coerce")
     if instants.isna().any():
         wrong_text = column.categories[int(instants.isna().argmax())]
-        raise checks.refusal(where, wrong_text, "a date by ISO 8601")
+        raise checks.InputError(where, wrong_text, "a date by ISO 8601")
     seconds = np.asarray((instants - instants.min()) / pd.Timedelta(1, "s"), float)
     return seconds[codes], instants.min().isoformat()

@@ -53,7 +53,9 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
     """
     if not hasattr(data, "data_vars"):
         value = data if isinstance(data, int | float | str) else type(data).__name__
-        raise checks.refusal("data", value, "datasets with a displacement over time or jump speeds")
+        raise checks.InputError(
+            "data", value, "datasets with a displacement over time or jump speeds"
+        )
     speeds = {name: data[name] for name in RESONANCE_NAMES if name in data}
     has_time = "time" in data.coords
     quantities: dict = {}
@@ -113,7 +115,7 @@ def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
                 _check_finite_samples(name, data[name])
         if "direction" in data.coords:
             for sign in np.unique(data.direction.values).tolist():
-                checks.one_of("direction", sign, (1, -1, 0))
+                checks.check_choice("direction", sign, (1, -1, 0))
     for name, (quantity, _) in quantities.items():
         _check_finite_samples(name, data[name], gaps="time" in data.coords)
         _check_sensor(name, quantity, data[name].attrs)
@@ -148,7 +150,7 @@ def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
     """
     parameters.check(f"noise_std of {name}", attrs.get("noise_std", 0.0), NonNegative)
     for flag in ("unknown_gain", "unknown_offset"):
-        checks.one_of(f"{flag} of {name}", int(attrs.get(flag, 0)), (0, 1))
+        checks.check_choice(f"{flag} of {name}", int(attrs.get(flag, 0)), (0, 1))
     # Mesh orders have the units of the displacement.
     expected_units = measured_names.units_and_description(quantity)[0] or "m"
     units = attrs.get("units", expected_units)

@@ -89,7 +89,7 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
     """
     distance = parameters.check("centre_distance", distance, _Distance)
     designations = [f"js{_FIRST_GRADE + i}" for i in range(len(_IT_GRADES[0.5]))]
-    checks.one_of("centre_distance", designation, designations)
+    checks.check_choice("centre_distance", designation, designations)
     max_distance = next(limit for limit in _IT_GRADES if distance <= limit)
     tolerance = _IT_GRADES[max_distance][designations.index(designation)]
     half_width = _MICROMETRE * tolerance / 2.0
@@ -108,11 +108,11 @@ def by_class(
     does not prescribe the shape of the deviation; here it is a first mesh harmonic whose cosine and
     sine coefficients are at most half of the larger tolerance.
     """
-    mesh = checks.gear_stage(mesh)
+    mesh = checks.check_gear_stage(mesh)
     tolerances: dict = {}
     if thickness is not None:
         designations = (thickness,) * 2 if isinstance(thickness, str) else thickness
-        designations = checks.sequence("thickness", designations, 2)
+        designations = checks.check_sequence("thickness", designations, 2)
         for gear, designation in zip(("pinion", "wheel"), designations, strict=True):
             lower, upper = thickness_limits(getattr(mesh, gear).reference_diameter, designation)
             tolerances[f"{gear}.thickness_allowance"] = {"min": lower, "max": upper}

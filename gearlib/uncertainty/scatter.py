@@ -182,7 +182,7 @@ def shard(
     designs = Designs(model, tolerances, seed)
     sweeps = _sweep_settings(designs.nominal, **settings)
     if sweeps is None and not quantities:
-        raise checks.refusal("quantities", quantities, "at least one if no speeds are given")
+        raise checks.InputError("quantities", quantities, "at least one if no speeds are given")
     evaluator = quantity_evaluator(designs, quantities, speed) if quantities else None
     done = np.zeros(stop - start, bool)
     settings = {"threads": threads, "progress": progress, "limit": limit, "done": done}

@@ -71,7 +71,7 @@ def check_tables_and_distributions(checked):
         from gearlib.uncertainty import distributions
 
         keys = checked.tolerances.config_keys().items()
-        with checks.below("", **{f"tolerances.{name}": key for name, key in keys}):
+        with checks.prefix_error_paths("", **{f"tolerances.{name}": key for name, key in keys}):
             distributions.read(checked.tolerance_distributions(), known_parameters())
 
 

@@ -75,7 +75,7 @@ def poincare_section(
     starts = np.atleast_2d(float_array(states))
     has_shape = starts.ndim == 2 and starts.shape[1] == 2 and len(starts)
     if not has_shape or not np.isfinite(starts).all():
-        raise checks.refusal(
+        raise checks.InputError(
             "states",
             states,
             "rows of two finite numbers (displacement in static deflections, dx/dtau)",

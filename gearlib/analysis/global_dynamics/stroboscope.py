@@ -160,7 +160,7 @@ def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
     try:
         displacement_axis, velocity_axis = grid
     except (TypeError, ValueError):
-        raise checks.refusal(
+        raise checks.InputError(
             "grid", grid, "two, displacements and velocities, each (first, last, count) or an array"
         ) from None
     axes = {"grid displacements": displacement_axis, "grid velocities": velocity_axis}
@@ -212,7 +212,7 @@ def distinct_values(name: str, values: Any) -> np.ndarray:
     """
     array = np.atleast_1d(float_array(values))
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
-        raise checks.refusal(name, values, "a non-empty sequence of finite numbers")
+        raise checks.InputError(name, values, "a non-empty sequence of finite numbers")
     if np.unique(array).size < array.size:
         raise ValueError(f"{name} = {values!r} is not allowed: its values must all be different")
     return array

@@ -160,7 +160,9 @@ def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquatio
     degrees of freedom, or if `harmonics` or `samples` is too small.
     """
     if not (is_model(model) and model.has_pair_equation):
-        raise checks.refusal("model", model, "a GearPair or a OneDegreePair, one degree of freedom")
+        raise checks.InputError(
+            "model", model, "a GearPair or a OneDegreePair, one degree of freedom"
+        )
     checks.require(harmonics >= period, "harmonics", harmonics, f"an integer >= {period}")
     min_samples = MIN_SAMPLES * harmonics + 1
     is_enough = samples is None or samples >= min_samples

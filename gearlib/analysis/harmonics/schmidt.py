@@ -341,7 +341,7 @@ def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
     Raise ValueError if the argument is invalid.
     """
     if isinstance(degenerate, str):
-        checks.one_of("degenerate", degenerate, ("auto",))
+        checks.check_choice("degenerate", degenerate, ("auto",))
         return _resonant(equation, equation.force(first_coefficients(equation, None)))
     if isinstance(degenerate, Real):
         count = parameters.check("degenerate", degenerate, WholeNumber)

@@ -235,7 +235,7 @@ def check_parameter(model: Any, name: str) -> str:
     allowed = "a GearPair, a OneDegreePair, a SixDegreePair or a GearTrain"
     has_gears = is_model(model) and (model.pair or model.mesh_names)
     checks.require(has_gears, "model", type(model).__name__, allowed)
-    return checks.one_of("parameter", name, continuation_parameters(model))
+    return checks.check_choice("parameter", name, continuation_parameters(model))
 
 
 def start_and_goal(model: Any, tuning, name: str, goal, owner: str) -> tuple:

@@ -99,9 +99,9 @@ def tongues(
         tongue_lists = [find_tongues(model, start, stop, step)]
     else:
         allowed = PARAMETERS if model.pair else (*model.parameters,)[1:]
-        checks.one_of("parameter", parameter, allowed)
+        checks.check_choice("parameter", parameter, allowed)
         if values is None:
-            raise checks.refusal("values", None, "given if parameter is given")
+            raise checks.InputError("values", None, "given if parameter is given")
         models = [replace_parameter(model, parameter, value) for value in values]
         tongue_lists = [
             find_tongues(changed, start, stop, step)
@@ -137,7 +137,7 @@ def checked_model(model: Any) -> Any:
     # Gear pairs have a `pair`, trains `mesh_names`; one degree of freedom needs an `equation`.
     has_gears = is_model(model) and (model.pair or model.mesh_names)
     if not has_gears or (model.size == 2 and model.equation is None):
-        raise checks.refusal(
+        raise checks.InputError(
             "model", model, "a GearPair, OneDegreePair, SixDegreePair or GearTrain"
         )
     for name in model.nonlinear:
@@ -188,7 +188,7 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
     if parameter == "damping":
         damping = parameters.check("damping", value, NonNegative)
     elif model.size > 2 or isinstance(model.profile, Tabulated):
-        raise checks.refusal(
+        raise checks.InputError(
             "parameter", parameter, "'damping' for tabulated stiffness or six degrees of freedom"
         )
     else:

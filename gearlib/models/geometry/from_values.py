@@ -36,13 +36,15 @@ def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -
     rack_changes = {RACK_FIELDS[key]: fields.pop(key) for key in rack_keys}
     if rack_changes:
         # Errors name the keys of the gear in place of the fields of its rack.
-        with checks.below("", **{rack_field: key for key, rack_field in RACK_FIELDS.items()}):
+        with checks.prefix_error_paths(
+            "", **{rack_field: key for key, rack_field in RACK_FIELDS.items()}
+        ):
             fields["rack"] = dataclasses.replace(RACKS[fields.get("rack", "A")], **rack_changes)
     for name, field_class in (("material", Material), ("web", Web), ("tip_relief", TipRelief)):
         if name in fields:
-            with checks.below(name):
+            with checks.prefix_error_paths(name):
                 fields[name] = field_class(**fields[name])
-    with checks.below("", **{"rack.dedendum": "dedendum"}):
+    with checks.prefix_error_paths("", **{"rack.dedendum": "dedendum"}):
         return SpurGear(**(default_fields | fields))
 
 
@@ -53,9 +55,9 @@ def stage(values: dict) -> GearStage:
     common values, such as the module, from the pinion. The lengths `centre_distance` and
     `backlash`, in m, are optional. Other keys are ignored.
     """
-    with checks.below("pinion"):
+    with checks.prefix_error_paths("pinion"):
         pinion = gear(values["pinion"])
-    with checks.below("wheel"):
+    with checks.prefix_error_paths("wheel"):
         wheel = gear(values["wheel"], mate_values=values["pinion"])
     return GearStage(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
 
@@ -88,9 +90,9 @@ def planetary_meshes(
     internal = getattr(ring, "internal", False)  # False also if `ring` is no gear
     checks.require(internal, "ring.internal", False, "True, of a ring gear")
     try:
-        with checks.below("", owner="the sun mesh", pinion="sun", wheel="planet"):
+        with checks.prefix_error_paths("", owner="the sun mesh", pinion="sun", wheel="planet"):
             sun_mesh = GearStage(sun, planet, centre_distance, sun_backlash)
-        with checks.below("", owner="the ring mesh", pinion="planet", wheel="ring"):
+        with checks.prefix_error_paths("", owner="the ring mesh", pinion="planet", wheel="ring"):
             ring_mesh = GearStage(planet, ring, sun_mesh.centre_distance, ring_backlash)
     except ValueError:
         # A wrong number of ring teeth has priority over the error that it causes in a mesh.
@@ -99,7 +101,7 @@ def planetary_meshes(
     tooth_sum = sun.teeth + ring.teeth
     if positions is None:
         positions = equal_positions(sun.teeth, ring.teeth, planets)
-    angles = tuple(checks.sequence("positions", positions, planets))
+    angles = tuple(checks.check_sequence("positions", positions, planets))
     for i, angle in enumerate(angles):
         # The planet fits if it is a whole number of these pitches away from the first planet.
         pitches = tooth_sum * (angle - angles[0]) / math.tau
@@ -108,7 +110,7 @@ def planetary_meshes(
                 f"a whole multiple of 2 pi / (z_s + z_r) = {math.tau / tooth_sum:.6g} rad from the "
                 "first, or the planet cannot be assembled"
             )
-            raise checks.refusal(f"positions[{i}]", angle, allowed)
+            raise checks.InputError(f"positions[{i}]", angle, allowed)
     _check_planet_spacing(sun_mesh, planets, angles)
     return PlanetaryMeshes(sun_mesh, ring_mesh, angles)
 
@@ -147,7 +149,7 @@ def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
             f"z_s + 2 z_p = {sun.teeth} + 2 * {planet.teeth} = {ideal_ring_teeth}, or so near that "
             "profile shifts make up for the difference"
         )
-        raise checks.refusal("ring.teeth", ring.teeth, allowed) from None
+        raise checks.InputError("ring.teeth", ring.teeth, allowed) from None
 
 
 def _check_planet_spacing(sun_mesh: GearStage, count: int, angles: Sequence[float]) -> None:

@@ -188,7 +188,7 @@ class PathTable:
             table = f"a table of {len(self.position)} positions and {len(self.value)} values"
             raise ValueError(f"{table} is not allowed: it must have equally many, at least 1")
         if any(position >= next_position for position, next_position in pairwise(self.position)):
-            raise checks.refusal("position", self.position, "strictly increasing")
+            raise checks.InputError("position", self.position, "strictly increasing")
 
     def at(self, position: "ArrayLike") -> "np.ndarray":
         """Return the values at positions on the path of contact in m, interpolated linearly.

@@ -165,7 +165,7 @@ class GearStage:
         else:
             minimum = "> 0" if self.overlap_ratio else ">= 1"
             ratio = float(f"{self.contact_ratio:.4f}")
-            raise checks.refusal("contact_ratio", ratio, f"{minimum}; {advice}")
+            raise checks.InputError("contact_ratio", ratio, f"{minimum}; {advice}")
 
     def _nominal_angle(self) -> float:
         """Return the working pressure angle alpha_wt at which there is no backlash, rad.
@@ -533,7 +533,7 @@ class GearStage:
         mean_stiffness = self._checked_mean_stiffness(torque, parameters, *load_argument)
         if speed is not None:
             frequency = math.sqrt(mean_stiffness / self.reduced_mass)
-            checks.checked_speed("speed", speed, frequency * 60.0 / (math.tau * self.pinion.teeth))
+            checks.check_speed("speed", speed, frequency * 60.0 / (math.tau * self.pinion.teeth))
         return parameters
 
     def train_parameters(
@@ -552,7 +552,7 @@ class GearStage:
         If the user gave another argument in place of the torque, `load_argument` is its (name,
         value, physical unit), for error messages.
         """
-        with_teeth = checks.one_of("model", model, TRAIN_MODELS) == "teeth"
+        with_teeth = checks.check_choice("model", model, TRAIN_MODELS) == "teeth"
         if torque is not None:
             allowed = "a finite number, not 0; negative on the coast side"
             torque = check("torque", torque, Torque)
@@ -568,7 +568,7 @@ class GearStage:
             from gearlib.models.geometry.transmission_error import loaded_error
 
             method = self.tooth_stiffness if stiffness is None else stiffness
-            stiffness = checks.one_of("stiffness", method, ("energy", "iso"))
+            stiffness = checks.check_choice("stiffness", method, ("energy", "iso"))
         # Drive-side and coast-side flanks have the same stiffness, so the sign does not matter.
         magnitude = None if torque is None else abs(torque)
         parameters = self._mesh_parameters(
@@ -621,7 +621,7 @@ class GearStage:
         free flight. `stiffness` is "iso", "energy" or a `Tabulated`, and `options` is a dict of
         options of this method, or None.
         """
-        options = checks.options(options)
+        options = checks.check_options(options)
         # The stiffness of ISO 6336 needs no numpy, which `self.stiffness` loads.
         if isinstance(stiffness, str) and stiffness == "iso":
             max_stiffness, kappa, epsilon = iso_rectangle(self, torque=torque, **options)

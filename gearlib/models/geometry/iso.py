@@ -82,7 +82,7 @@ def iso_stiffness(
     ValueError
         If a value is impossible, or the transverse contact ratio is below 1.
     """
-    ratio = checks.gear_stage(stage).contact_ratio  # of the transverse section
+    ratio = checks.check_gear_stage(stage).contact_ratio  # of the transverse section
     allowed = ">= 1 for the mesh stiffness of ISO 6336-1; the energy method has no limit"
     checks.require(ratio >= 1.0, "contact_ratio", float(f"{ratio:.4f}"), allowed)
     return _iso_stiffness(stage, torque, application_factor)
@@ -143,7 +143,7 @@ def iso_rectangle(stage: "GearStage", **options: float | None) -> tuple[float, f
     averaged over the face, and the rectangle has the extrema and the mean of this average.
     `options` are the pinion `torque` in N m and the `application_factor` K_A of the load.
     """
-    checks.check_known_parameters("stiffness 'iso'", options, ("torque", "application_factor"))
+    checks.check_parameter_names("stiffness 'iso'", options, ("torque", "application_factor"))
     # N/(mm um) is 1e9 N/m per m of face width.
     single = iso_stiffness(stage, **options).single * 1e9 * stage.width
     fewer_pairs = math.floor(stage.contact_ratio)
@@ -240,7 +240,7 @@ def dynamic_factor(
     """
     import numpy as np  # Imported here, because the checks of the geometry need no numpy.
 
-    stiffness = iso_stiffness(checks.gear_stage(stage), torque, application_factor)
+    stiffness = iso_stiffness(checks.check_gear_stage(stage), torque, application_factor)
     try:
         speed = np.asarray(rpm, float)
     except (TypeError, ValueError, OverflowError):

@@ -284,7 +284,7 @@ class PairCompliance:
         self.stage, self.hertz = stage, hertz
         twists = tuple(twist) if isinstance(twist, (tuple, list)) else (twist, twist)
         if len(twists) != 2 or not all(isinstance(value, bool) for value in twists):
-            raise checks.refusal("twist", twist, "one of False, True, or two of them")
+            raise checks.InputError("twist", twist, "one of False, True, or two of them")
         gears = zip((stage.pinion, stage.wheel), twists, strict=True)
         self._teeth = [Tooth(gear, stage.width, gear_twist) for gear, gear_twist in gears]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
@@ -489,12 +489,12 @@ def mesh_stiffness(
     ValueError
         If the method or an option is not allowed.
     """
-    checks.gear_stage(stage)
+    checks.check_gear_stage(stage)
     if isinstance(method, Tabulated):
-        checks.check_known_parameters("table", options, ("torque",))
+        checks.check_parameter_names("table", options, ("torque",))
         return _stiffness_of_table("table", method)
     if not checks.is_one_of(method, ("iso", "energy")):
-        raise checks.refusal("stiffness", method, "'iso', 'energy' or a Tabulated")
+        raise checks.InputError("stiffness", method, "'iso', 'energy' or a Tabulated")
     fewer_pairs = math.floor(stage.contact_ratio)
     segment = stage.contact_ratio - fewer_pairs  # fraction of the period with one more pair
     if method == "iso":
@@ -506,7 +506,7 @@ def mesh_stiffness(
         curve = _StiffnessCurve([0.0, segment, segment, 1.0], np.repeat(levels, 2))
         table = curve.face_average(stage.overlap_ratio).table(segment)
         return MeshStiffness(method, max_stiffness, kappa, epsilon, table)
-    checks.check_known_parameters(
+    checks.check_parameter_names(
         "stiffness 'energy'", options, ("torque", "coupling", "hertz", "twist")
     )
     curve, means = _energy_curve(stage, fewer_pairs, segment, samples, options)

@@ -233,7 +233,7 @@ def optimum_relief(
     """
     from scipy.ndimage import minimum_filter
 
-    load = checks.gear_stage(stage).load(torque)
+    load = checks.check_gear_stage(stage).load(torque)
     stage = stage.with_reliefs(None, None)
     pair_count = math.floor(stage.contact_ratio)
     max_length = stage.longest_relief

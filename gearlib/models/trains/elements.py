@@ -335,7 +335,7 @@ class Mesh:
             Other fields of `Mesh`; they override the values from the geometry.
         """
         options = {name: fields.pop(name) for name in _STIFFNESS_AND_DAMPING if name in fields}
-        geometry_fields = checks.gear_stage(stage).train_parameters(**options)
+        geometry_fields = checks.check_gear_stage(stage).train_parameters(**options)
         return cls(pinion=pinion, wheel=wheel, **(geometry_fields | fields))
 
     @property
@@ -445,21 +445,23 @@ def check_names(train: Any) -> None:
         )
     for shaft in train.shafts:
         for name in shaft.bodies:
-            checks.one_of("bodies of a shaft", name, train.body_names)
+            checks.check_choice("bodies of a shaft", name, train.body_names)
     for force in train.forces:
         coordinates = () if train.matrices is None else train.matrices.coordinates
-        checks.one_of("body of a force", force.body, (*train.body_names, *coordinates))
-        checks.one_of("reference of a force", force.of, (*train.mesh_names, *train.body_names))
+        checks.check_choice("body of a force", force.body, (*train.body_names, *coordinates))
+        checks.check_choice(
+            "reference of a force", force.of, (*train.mesh_names, *train.body_names)
+        )
     for mesh in train.meshes:
         wheel_key = f"wheel of mesh {mesh.name}"
-        checks.one_of(f"pinion of mesh {mesh.name}", mesh.pinion, train.body_names)
-        checks.one_of(wheel_key, mesh.wheel, train.body_names)
+        checks.check_choice(f"pinion of mesh {mesh.name}", mesh.pinion, train.body_names)
+        checks.check_choice(wheel_key, mesh.wheel, train.body_names)
         allowed = "another body than the pinion"
         checks.require(mesh.pinion != mesh.wheel, wheel_key, mesh.wheel, allowed)
     for body in train.bodies:
         if body.carrier is not None:
             carrier_key = f"carrier of body {body.name}"
-            checks.one_of(carrier_key, body.carrier, train.body_names)
+            checks.check_choice(carrier_key, body.carrier, train.body_names)
             valid = body.carrier != body.name and train.by_name[body.carrier].carrier is None
             allowed = "another body, which no carrier carries"
             checks.require(valid, carrier_key, body.carrier, allowed)

@@ -41,7 +41,7 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
     ValueError
         If a name is unknown, a mesh has no damping, or the model has no bodies.
     """
-    train = checks.train_of(model)
+    train = checks.require_train(model)
     structure = train.structure
     damping = total_damping(train)
     checks.require(damping is not None, "material_damping", None, "given for every mesh")
@@ -53,7 +53,7 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
     inputs = list(inputs)
     outputs = mesh_force_names if outputs is None else list(outputs)
     for name in inputs:
-        checks.one_of("inputs", name, list(motion_rows))
+        checks.check_choice("inputs", name, list(motion_rows))
     input_rows = np.array([motion_rows[name] for name in inputs])
     b = np.vstack([np.zeros((n, len(inputs))), np.linalg.solve(structure.mass, input_rows.T)])
     c, d = np.zeros((len(outputs), 2 * n)), np.zeros((len(outputs), len(inputs)))
@@ -76,7 +76,7 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
                 "displacement, velocity or acceleration and a motion, such as rotation of "
                 f"{train.body_names[0]}, or {mesh_force_names[0]}, or a bearing force"
             )
-            raise checks.refusal("outputs", name, allowed)
+            raise checks.InputError("outputs", name, allowed)
     system = StateSpace(a, b, c, d)
     system.input_names, system.output_names = tuple(inputs), tuple(outputs)
     return system
@@ -108,8 +108,8 @@ def _bearing_force_row(train: Any, motion: str) -> np.ndarray:
     support in this direction, is on a carrier, or belongs to a train given by matrices.
     """
     axis, _, body_name = motion.partition(" of ")
-    checks.one_of("bearing force of", body_name, train.body_names)
-    checks.one_of(f"bearing force of {body_name} along", axis, ("x", "y"))
+    checks.check_choice("bearing force of", body_name, train.body_names)
+    checks.check_choice(f"bearing force of {body_name} along", axis, ("x", "y"))
     body, i = train.by_name[body_name], "xy".index(axis)
     stiffness, damping = body.support_stiffness[i], body.support_damping[i]
     allowed = "a body with an elastic support, which is not on a carrier"

@@ -201,15 +201,15 @@ def from_matrices(
     checks.require(len({*names}) == n == len(names), "coordinates", names, f"{n} different names")
     load = np.zeros(n)
     for name, force in _entries("forces", forces).items():
-        checks.one_of("forces", name, names)
+        checks.check_choice("forces", name, names)
         load[names.index(name)] = parameters.check(f"forces[{name!r}]", force, Finite)
     for gear in gears:
         for axis in ("rotation", "x", "y", "axial"):
             if getattr(gear, axis) is not None:
-                checks.one_of(f"{axis} of gear {gear.name}", getattr(gear, axis), names)
+                checks.check_choice(f"{axis} of gear {gear.name}", getattr(gear, axis), names)
     mesh_rows = {}
     for name, row in _entries("rows", rows).items():
-        checks.one_of("rows", name, [mesh.name for mesh in meshes])
+        checks.check_choice("rows", name, [mesh.name for mesh in meshes])
         allowed = f"{n} finite numbers, one for each coordinate"
         valid = np.shape(row) == (n,) and np.isfinite(np.asarray(row, float)).all()
         checks.require(valid, f"rows[{name!r}]", row, allowed)
@@ -280,7 +280,7 @@ def _dense(name: str, value: Any) -> np.ndarray:
     """
     if isinstance(value, str | Path):
         path = Path(value)
-        suffix = checks.one_of(f"suffix of {name}", path.suffix, (".mtx", ".nc"))
+        suffix = checks.check_choice(f"suffix of {name}", path.suffix, (".mtx", ".nc"))
         if suffix == ".nc":
             with xr.open_dataset(path) as dataset:
                 count = f"{len(dataset.data_vars)} variables"
@@ -295,7 +295,7 @@ def _dense(name: str, value: Any) -> np.ndarray:
     try:
         return np.array(value, float)
     except (TypeError, ValueError):
-        raise checks.refusal(name, value, "a square matrix of numbers") from None
+        raise checks.InputError(name, value, "a square matrix of numbers") from None
 
 
 def _projected(matrix: np.ndarray, basis: np.ndarray) -> np.ndarray:

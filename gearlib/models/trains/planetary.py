@@ -161,9 +161,9 @@ def planetary(
     sun_teeth, ring_teeth = teeth
     planet_teeth = _planet_teeth(teeth, planet_teeth)
     positions = equal_positions(sun_teeth, ring_teeth, n) if positions is None else positions
-    positions = checks.sequence("positions", positions, n)
+    positions = checks.check_sequence("positions", positions, n)
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
-    errors = checks.sequence("pin_errors", pin_errors, n)
+    errors = checks.check_sequence("pin_errors", pin_errors, n)
     pin_radius, pressure_angles = _pin_radius_and_pressure_angles(
         sun_base_radius, teeth, planet_teeth, pressure_angle
     )
@@ -322,7 +322,7 @@ class ParallelStage:
         `options` are arguments of `Mesh.from_geometry`, such as damping_ratio.
         """
         key = f"stages[{number - 1}].on"
-        checks.one_of(key, self.on, list(bodies))
+        checks.check_choice(key, self.on, list(bodies))
         torque = bodies[self.on].torque
         allowed = "a body with a torque, which the stage takes over"
         checks.require(torque != 0.0, key, self.on, allowed)

@@ -303,9 +303,9 @@ def split_power_reducer(
             f"is {first_sum / 2.0:.6g} m in the first, {second_sum / 2.0:.6g} m in the second"
         )
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
-    errors = checks.sequence("pin_errors", pin_errors, n)
+    errors = checks.check_sequence("pin_errors", pin_errors, n)
     backlashes = [(pair.backlash,) * 2] * n if backlashes is None else backlashes
-    backlashes = checks.sequence("backlashes", backlashes, n)
+    backlashes = checks.check_sequence("backlashes", backlashes, n)
     # The satellites rotate clockwise. They drive an external output counterclockwise and a ring
     # gear clockwise, against the load.
     output_force = n * pair.load * gears.base_radii[1] / gears.base_radii[2]

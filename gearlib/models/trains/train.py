@@ -179,7 +179,7 @@ class GearTrain(Model):
         checks.require(valid, "matrices", self.matrices, allowed)
         if self.reference is None:
             object.__setattr__(self, "reference", self.meshes[0].name)
-        checks.one_of("reference", self.reference, self.mesh_names)
+        checks.check_choice("reference", self.reference, self.mesh_names)
         check_names(self)
         check_gears(self)
         statics.check_balance(self)
@@ -231,7 +231,7 @@ class GearTrain(Model):
         ratios, mode_count = np.array(self.modal_damping), squares.size
         if ratios.size not in (1, mode_count):
             allowed = f"a damping ratio for all modes, or {mode_count}, one for each elastic mode"
-            raise checks.refusal("modal_damping", self.modal_damping, allowed)
+            raise checks.InputError("modal_damping", self.modal_damping, allowed)
         momenta = train.structure.mass @ shapes
         return momenta * (2.0 * ratios * np.sqrt(squares)) @ momenta.T
 
@@ -670,13 +670,13 @@ class GearTrain(Model):
         state itself. Raises ValueError for anything else.
         """
         if isinstance(initial_state, str):
-            checks.one_of("initial_state", initial_state, ("static",))
+            checks.check_choice("initial_state", initial_state, ("static",))
             return self._static_state.copy()
         state = float_array(initial_state)
         if state.shape == (2,) and not state.any():
             return np.zeros(self.size)
         if state.shape != (self.size,) or not np.all(np.isfinite(state)):
-            raise checks.refusal(
+            raise checks.InputError(
                 "initial_state", initial_state, f"(0, 0), 'static' or {self.size} finite numbers"
             )
         return state.copy()
