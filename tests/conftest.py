@@ -47,18 +47,18 @@ def _pair():
 def _taylor():
     """Run the kernels of Taylor steps."""
     from gearlib import OneDegreePair, simulate
-    from tests.paper import PAPER
+    from tests.paper import PAPER_PAIR
 
-    simulate(OneDegreePair(pair=PAPER, cubic_damping=4e5), 0.9, **RUN)
+    simulate(OneDegreePair(pair=PAPER_PAIR, cubic_damping=4e5), 0.9, **RUN)
 
 
 def _steps():
     """Run the kernels of step methods."""
     from gearlib import simulate
-    from tests.paper import PAPER
+    from tests.paper import PAPER_PAIR
 
     for method in ("rk4", "rk45"):
-        simulate(PAPER, 0.9, method=method, **RUN)
+        simulate(PAPER_PAIR, 0.9, method=method, **RUN)
 
 
 #: Groups of kernels that are compiled independently, the longest first.

@@ -15,7 +15,7 @@ from gearlib.config.configuration import Config
 from gearlib.config.gear_pair_section import Damping
 from gearlib.config.train_section import GearboxSection
 from tests.geometry.stages import fzg_c
-from tests.paper import CONFIG, PAPER
+from tests.paper import CONFIG, PAPER_PAIR
 
 #: A name that a user may choose in a mapping; it is also a damping of the paper's configuration.
 NAME = "k1"
@@ -24,7 +24,9 @@ MESH = gearlib.Mesh(
     pinion="a", wheel="b", max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.5
 )
 #: Class -> a value of it, where more is required than the declarations say.
-EXAMPLES = {type(x): x for x in (BODY, MESH, PAPER, fzg_c(), fzg_c().pinion, gearlib.Harmonics())}
+EXAMPLES = {
+    type(x): x for x in (BODY, MESH, PAPER_PAIR, fzg_c(), fzg_c().pinion, gearlib.Harmonics())
+}
 EXAMPLES[Damping] = CONFIG["dampings"][NAME]
 EXAMPLES[GearboxSection] = {"file": "box.rexs"}
 EXAMPLES[Config] = {key: CONFIG[key] for key in ("gear_pair", "dampings")}

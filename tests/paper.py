@@ -16,4 +16,4 @@ PARAMETERS = {
     "load": 3289.5396,
     "backlash": 40e-6,
 }
-PAPER = GearPair(**PARAMETERS)
+PAPER_PAIR = GearPair(**PARAMETERS)

@@ -217,9 +217,9 @@ def test_documented_claims_match_the_code_and_give_a_reason(hook):
 
 def test_instability_quoted_for_claim_p4_matches_the_library(hook):
     from gearlib.analysis.tongues import meissner
-    from tests.paper import PAPER
+    from tests.paper import PAPER_PAIR
 
-    third = meissner.tongue(meissner.equation_of(PAPER), 3)
+    third = meissner.tongue(meissner.equation_of(PAPER_PAIR), 3)
     reason = hook("evidence").reasons()["P4"]
     assert f"from {third.start:.4f} to {third.stop:.4f}" in reason
 

@@ -14,12 +14,12 @@ from gearlib.figures import measured_figure, style
 from gearlib.studies import measured as study
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.geometry.stages import own
-from tests.paper import PAPER as PAPER_PAIR
+from tests.paper import PAPER_PAIR
 
 MESH = own()
 PAIR = gearlib.GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.12)
 FOLDER = Path(__file__).with_name("plots")
-PAPER = PAPER_PAIR.replace(material_damping=3953.7)
+PAPER_PAIR = PAPER_PAIR.replace(material_damping=3953.7)
 
 FREE = gearlib.GearPair.from_ratios(contact_ratio=1.4, stiffness_ratio=0.6, damping=0.05)
 PLANETS = gearlib.planetary(turning=True)
@@ -37,7 +37,7 @@ def phase_plane():
 
 
 def time_course():
-    return plot.time_course(simulate(PAPER, 0.85, periods=400, record_periods=2))
+    return plot.time_course(simulate(PAPER_PAIR, 0.85, periods=400, record_periods=2))
 
 
 def time_course_of_meshes():
@@ -121,9 +121,11 @@ def _write_set(folder, data, columns, **more):
 
 def measured_orders():
     """Draw orders of a measured run-up beside two models, one of which made the data."""
-    rig = synthetic_rig(PAPER, [(0.0, PAPER.speed(0.6)), (0.4, PAPER.speed(0.72))], 1)
+    rig = synthetic_rig(
+        PAPER_PAIR, [(0.0, PAPER_PAIR.speed(0.6)), (0.4, PAPER_PAIR.speed(0.72))], 1
+    )
     columns = {"time": "s", "speed": "rpm", "displacement": "m"}
-    pairs = {"true": PAPER, "damped": PAPER.replace(material_damping=8e3)}
+    pairs = {"true": PAPER_PAIR, "damped": PAPER_PAIR.replace(material_damping=8e3)}
     with tempfile.TemporaryDirectory() as folder:
         path = _write_set(folder, rig, columns)
         orders = study.run_up_orders(path, pairs)
@@ -132,15 +134,15 @@ def measured_orders():
 
 def measured_courses():
     """Draw a measured time history at constant speed beside that of its model."""
-    run = simulate(PAPER, 0.7, periods=248, record_periods=8, samples_per_period=40)
+    run = simulate(PAPER_PAIR, 0.7, periods=248, record_periods=8, samples_per_period=40)
     time = run.phase / run.mesh_frequency
     data = {"time": time, "displacement": run.displacement * run.static_deflection}
-    speed = {"speed": f"{PAPER.speed(0.7)} rpm"}
+    speed = {"speed": f"{PAPER_PAIR.speed(0.7)} rpm"}
     columns = {"time": "s", "displacement": "m"}
     span = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
     with tempfile.TemporaryDirectory() as folder:
         path = _write_set(folder, data, columns, conditions={"one": speed})
-        courses = study.time_history_harmonics(path, {"true": PAPER}, span)
+        courses = study.time_history_harmonics(path, {"true": PAPER_PAIR}, span)
     return measured_figure.draw_courses([courses])
 
 

@@ -10,13 +10,13 @@ from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.analysis.orbits.tracing import value_of, with_parameter
 from gearlib.analysis.tongues import meissner
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 
 #: Largest error of the tuning of a special point. The search stops at 1e-8, but the points agree to
 #: the rounding of an orbit, 1e-12, divided by the slope of the test function, which is above 1e-2.
 TUNING_TOLERANCE = 1e-10
 #: Damped in contact only.
-MATERIAL = PAPER.replace(material_damping=3953.7)
+MATERIAL = PAPER_PAIR.replace(material_damping=3953.7)
 DAMPED = MATERIAL.replace(backlash_damping=800.0)
 
 
@@ -28,7 +28,7 @@ def labelled_values(branch, label):
 def undamped_branch(start, to):
     """Follow the undamped orbit without contact loss from one tuning, `start`, to another, `to`."""
     return continue_orbit(
-        periodic_orbit(PAPER, start, guess=meissner.orbit_state(PAPER, start)), to=to
+        periodic_orbit(PAPER_PAIR, start, guess=meissner.orbit_state(PAPER_PAIR, start)), to=to
     )
 
 
@@ -56,17 +56,17 @@ def test_an_orbit_labelled_grazing_just_touches_the_flank_line(start, to):
     branch = undamped_branch(start, to)
     point = int(np.flatnonzero(branch.label == GRAZING)[0])
     tuning, state = float(branch.tuning[point]), tuple(branch.state.values[point])
-    run = simulate(PAPER, tuning, periods=1, initial_state=state)
+    run = simulate(PAPER_PAIR, tuning, periods=1, initial_state=state)
     # The least displacement changes by more than 1e-2 times the change of the tuning.
     assert float(run.displacement_min) == pytest.approx(0.0, abs=1e-2 * TUNING_TOLERANCE)
     np.testing.assert_allclose(run.final_state, state, rtol=0, atol=1e-11)
-    assert periodic_orbit(PAPER, tuning, guess=state).grazing
+    assert periodic_orbit(PAPER_PAIR, tuning, guess=state).grazing
 
 
 def test_period_doublings_lie_at_the_edges_of_the_tongue():
     """The undamped orbit without contact loss is unstable exactly inside Meissner's tongue 3."""
     branch = undamped_branch(0.64, 0.69)
-    tongue = meissner.tongue(meissner.equation_of(PAPER), order=3)
+    tongue = meissner.tongue(meissner.equation_of(PAPER_PAIR), order=3)
     edges = tongue.start, tongue.stop
     np.testing.assert_allclose(
         labelled_values(branch, DOUBLING), edges, rtol=0, atol=TUNING_TOLERANCE
@@ -80,7 +80,7 @@ def test_a_branch_from_a_period_doubling_repeats_after_two_periods():
 
     Its motions must repeat after two mesh periods and not after one.
     """
-    pair = PAPER.replace(backlash_damping=3953.7)
+    pair = PAPER_PAIR.replace(backlash_damping=3953.7)
     branch = continue_orbit(
         periodic_orbit(pair, 0.65, guess=meissner.orbit_state(pair, 0.65)), to=0.67
     )

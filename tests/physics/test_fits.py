@@ -12,9 +12,9 @@ from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.uncertainty import observation
 from gearlib.uncertainty.observations import quantities_of
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 
-TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+TRUTH = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 FREE = {
     "material_damping": (1000.0, 9000.0),
     "reduced_mass": (2.6, 3.7),

@@ -12,9 +12,9 @@ import gearlib
 from gearlib.analysis.order_maps import ShaftRotation
 from gearlib.uncertainty.course_observations import _compared_revolutions, regress_mesh_orders
 from gearlib.uncertainty.observations import observations_of
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 
-TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+TRUTH = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 FREE = {"material_damping": (1000.0, 9000.0), "reduced_mass": (2.6, 3.7)}
 GUESS = TRUTH.replace(material_damping=5000.0, reduced_mass=3.0)
 LOW, HIGH = TRUTH.speed(0.6), TRUTH.speed(0.75)

@@ -9,10 +9,10 @@ import xarray as xr
 import gearlib
 from gearlib.uncertainty.observation import resonance_speeds
 from gearlib.uncertainty.observations import observations_of
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.known_models import gears
 
-TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+TRUTH = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 FREE = {"material_damping": (1000.0, 9000.0), "reduced_mass": (2.6, 3.7), "load": (2e3, 5e3)}
 HEIGHT = ("displacement_max",)
 

@@ -8,7 +8,7 @@ import pytest
 import gearlib
 from gearlib import OneDegreePair, harmonic_balance, periodic_orbit, schmidt
 from gearlib.analysis.harmonics.solution import errors, exact_motion
-from tests.paper import PAPER as FREE
+from tests.paper import PAPER_PAIR as FREE
 
 MATERIAL = FREE.replace(material_damping=3953.7)
 BOTH = MATERIAL.replace(backlash_damping=3953.7)

@@ -11,7 +11,7 @@ from gearlib.analysis.global_dynamics.attractors import CHAOTIC, PERIODIC, UNBOU
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.engines.pair.motion import mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.unit.test_whole_periods import event_by_event
 
 
@@ -83,7 +83,7 @@ def test_chaotic_and_unbounded_motions_are_classified():
 
 
 def test_contact_without_damping_has_no_attractor():
-    pair = PAPER.replace(stiffness_ratio=1.0, backlash_damping=3000.0)
+    pair = PAPER_PAIR.replace(stiffness_ratio=1.0, backlash_damping=3000.0)
     data = basins(pair, 1.0, ([-1.0, 0.5], [0.0]))
     assert data.attractor_kind.values.tolist() == [UNDECIDED]
 

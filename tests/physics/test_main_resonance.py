@@ -10,10 +10,10 @@ from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.uncertainty.designs import ABSENT, FOUND, LOST, QUANTITIES, DesignQuantities
 from gearlib.uncertainty.scatter import sobol_indices
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.known_models import gears
 
-DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)
+DAMPED = PAPER_PAIR.replace(material_damping=4.5e3, backlash_damping=300.0)
 NAMES = tuple(
     name for name in QUANTITIES if "load_sharing" not in name and name != "dynamic_factor"
 )
@@ -59,7 +59,7 @@ def test_jumps_onset_and_peak_match_a_whole_branch(nominal_search):
 def test_the_fold_of_a_narrow_hysteresis_is_found():
     """Jump speeds must be found just below the damping at which both jumps meet, not above it."""
     # Bisection finds the damping at which both jumps meet; just below they are 0.3 rpm apart.
-    model = PAPER.replace(backlash_damping=500.0, backlash=60e-6, stiffness_ratio=0.6)
+    model = PAPER_PAIR.replace(backlash_damping=500.0, backlash=60e-6, stiffness_ratio=0.6)
     low, high = 4e3, 1.4e4
     for _ in range(20):
         damping = 0.5 * (low + high)
@@ -73,7 +73,7 @@ def test_the_fold_of_a_narrow_hysteresis_is_found():
 
 def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
     """A period doubling before the fold must not end the search for the downward jump."""
-    model = PAPER.replace(
+    model = PAPER_PAIR.replace(
         max_stiffness=4.22e8,
         stiffness_ratio=0.5714,
         contact_ratio=1.65,
@@ -150,7 +150,7 @@ def test_sobol_indices_of_a_quotient_match_its_moments():
     """Compare Sobol' indices of load / stiffness with closed forms from the moments of both."""
     # At constant stiffness the mesh rests at load / stiffness, so that the contact margin is a
     # product of two independent variables, whose indices follow from their moments.
-    model = PAPER.replace(stiffness_ratio=1.0, material_damping=4e3)
+    model = PAPER_PAIR.replace(stiffness_ratio=1.0, material_damping=4e3)
     tolerances = {"load": {"min": 1e3, "max": 6e3}, "max_stiffness": {"min": 2e8, "max": 7.5e8}}
     indices = sobol_indices(model, tolerances, ("contact_margin",), 512, seed=3, speed=3000.0)
     load, stiffness = stats.uniform(1e3, 5e3), stats.uniform(2e8, 5.5e8)

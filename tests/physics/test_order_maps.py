@@ -13,11 +13,11 @@ from matplotlib.figure import Figure
 
 import gearlib
 from gearlib import plot
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.physics.test_run_up import RUN_OUT, SIX, WAVES, reference_run_up
 
 #: A gear of few teeth turns often.
-FEW = PAPER.replace(teeth=3, material_damping=700.0, backlash_damping=300.0)
+FEW = PAPER_PAIR.replace(teeth=3, material_damping=700.0, backlash_damping=300.0)
 
 
 #: Models whose shafts complete a revolution in a few mesh periods.
@@ -102,7 +102,7 @@ def assert_block_has(block, amplitudes, rpm):
 )
 def test_blocks_at_constant_speed_match_the_spectrum(variable, name):
     """At constant speed each block of an order map must equal the spectrum by `gearlib.orders`."""
-    pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+    pair = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
     steady_run = gearlib.simulate(pair, 0.9, periods=240, record_periods=24, samples_per_period=256)
     rpm = float(steady_run.speed)
     run = gearlib.run_up(pair, rpm, rpm, duration=600.02 / rpm, samples_per_period=256)
@@ -112,7 +112,10 @@ def test_blocks_at_constant_speed_match_the_spectrum(variable, name):
     # This motion repeats after three mesh periods, with contact on either flank and on neither.
     run_settings = {"periods": 1507, "record_periods": 48, "samples_per_period": 256}
     run = gearlib.simulate(
-        PAPER.replace(material_damping=1000.0), 1.055, initial_state=(-2.0, 1.0), **run_settings
+        PAPER_PAIR.replace(material_damping=1000.0),
+        1.055,
+        initial_state=(-2.0, 1.0),
+        **run_settings,
     )
     spectrum = gearlib.orders(run, count=4)
     orders = gearlib.order_map(run, variable=variable, amplitude="peak", resolution=0.5, highest=96)
@@ -120,7 +123,7 @@ def test_blocks_at_constant_speed_match_the_spectrum(variable, name):
     exact = spectrum[f"{name}_amplitude"].values
     assert_block_has(orders.isel(time=0), exact, float(run.speed))
     # Phases of the spectrum refer to the mesh phase 0, but phases of the map to the first sample.
-    begin = orders.order.values / PAPER.teeth * float(run.phase[0])
+    begin = orders.order.values / PAPER_PAIR.teeth * float(run.phase[0])
     rotation = np.exp(1j * (orders.phase[0].values - spectrum[f"{name}_phase"].values - begin))
     assert np.abs(exact * (rotation - 1.0)).max() < 1e-7 * exact.max()
     # There is one block for each of the two revolutions, whose motions are equal.

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, simulate
-from tests.references import Stored, from_rest, propagate
+from tests.references import StoredReferences, from_rest, propagate
 
-REFERENCES = Stored("random_meshes")
+REFERENCES = StoredReferences("random_meshes")
 
 CASES_PER_SEED, SEEDS, PERIODS = 140, 4, 3
 

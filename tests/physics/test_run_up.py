@@ -14,12 +14,12 @@ from gearlib.geometry import optimum_relief
 from gearlib.models import acceleration
 from tests.geometry.stages import fzg_c
 from tests.independent.systems import RunUp, describe
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.known_models import GEARS
 from tests.trains.random_trains import chain_with_everything
 
 TRAIN = gearlib.planetary(stiffness_ratio=(0.7, 0.7), turning=True)
-DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=2000.0)
+DAMPED = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=2000.0)
 #: Waves that have no closed form while the speed changes.
 WAVES = {
     "excitation": gearlib.Harmonics((100.0, 50.0), (20.0,)),
@@ -47,7 +47,7 @@ PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
 @pytest.mark.parametrize(
     ("model", "tuning", "start"),
     [
-        (PAPER, 0.9, (2.0, -0.5)),
+        (PAPER_PAIR, 0.9, (2.0, -0.5)),
         (WAVY, 0.9, (2.0, -0.5)),
         (SIX, 0.9, (0, 0)),
         (TRAIN, 0.12, (0, 0)),
@@ -247,7 +247,7 @@ def test_gears_of_constant_stiffness_stay_in_the_static_state(model, load):
         np.testing.assert_allclose(steady[name], forces + 0.0 * steady[name], rtol=1e-10)
 
 
-@pytest.mark.parametrize("model", [PAPER.replace(material_damping=3953.7), TRAIN])
+@pytest.mark.parametrize("model", [PAPER_PAIR.replace(material_damping=3953.7), TRAIN])
 def test_statistics_of_a_revolution_match_its_time_course(model):
     """Extrema, means and fractions of a revolution must follow from its dense samples."""
     # At these speeds vibrations decay between two switches of the stiffness.

@@ -7,9 +7,9 @@ import gearlib
 from gearlib.data import storage
 from gearlib.uncertainty.designs import Designs
 from gearlib.uncertainty.scatter import QUANTILES, join_shards, refused, scatter, shard
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 
-PAIR = PAPER.replace(material_damping=3953.7)
+PAIR = PAPER_PAIR.replace(material_damping=3953.7)
 MANY = {
     "load": {"mean": 3300.0, "std": 150.0},
     "backlash": {"nominal": 40e-6, "upper": 10e-6, "lower": -4e-6},

@@ -11,9 +11,9 @@ from tests.independent import differences
 from tests.independent.systems import describe
 from tests.properties import known_models as models
 from tests.properties.known_models import DAMPED, OTHER, Known
-from tests.references import Stored
+from tests.references import StoredReferences
 
-REFERENCES = Stored("sensitivities")
+REFERENCES = StoredReferences("sensitivities")
 #: Parameters of a pair whose derivatives are compared.
 FULL = ("contact_ratio", "stiffness_ratio", "material_damping", "backlash_ratio", "tuning")
 UNDAMPED = DAMPED.replace(material_damping=0.0, backlash_damping=0.0)

@@ -10,10 +10,10 @@ from scipy.integrate import RK45
 import gearlib
 from gearlib import GearPair, OneDegreePair, integrators, simulate
 from gearlib.data.status import NOT_CONVERGED, OVERFLOW
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.known_models import CUBIC, KNOWN
 
-PAIR = PAPER.replace(contact_ratio=1.5, material_damping=3953.7, backlash_damping=3953.7)
+PAIR = PAPER_PAIR.replace(contact_ratio=1.5, material_damping=3953.7, backlash_damping=3953.7)
 OIL_FREE = PAIR.replace(contact_ratio=1.569, backlash_damping=0.0)
 FULL = KNOWN["everything"].model.replace(cubic_stiffness=2e9, **CUBIC)
 #: Without backlash, at a tuning in the middle of its tongue, every motion of this pair grows.

@@ -9,10 +9,10 @@ import xarray as xr
 from gearlib import Fourier, OneDegreePair, trust
 from gearlib.analysis.lyapunov import Exponent
 from gearlib.analysis.trust import LABELS, classified_motion, classify_at_tunings
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 
-DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
-CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_cubic_damping=4e5)
+DAMPED = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
+CUBIC = OneDegreePair(pair=PAPER_PAIR, cubic_damping=4e5, backlash_cubic_damping=4e5)
 
 
 @pytest.mark.parametrize(
@@ -22,8 +22,8 @@ CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_cubic_damping=4e5)
         (DAMPED.replace(backlash_damping=0.0), 0.82, "periodic"),
         (CUBIC, 0.9, "periodic"),
         (OneDegreePair(pair=DAMPED, profile=Fourier(5)), 0.9, "undecided"),
-        (PAPER, 0.7, "quasi-periodic"),
-        (PAPER, 0.9, "chaotic"),
+        (PAPER_PAIR, 0.7, "quasi-periodic"),
+        (PAPER_PAIR, 0.9, "chaotic"),
     ],
 )
 def test_known_motions_get_the_right_label(pair, nu, label):
@@ -81,13 +81,13 @@ def test_an_exponent_of_linear_growth_is_not_positive():
 def test_a_scan_over_tunings_matches_trust_at_each_tuning():
     """A scan must give the labels and numbers that `trust` gives at each single tuning."""
     options = {"periods": 100, "exponent_periods": 500}
-    result = classify_at_tunings(PAPER, [0.7, 0.9], **options)
+    result = classify_at_tunings(PAPER_PAIR, [0.7, 0.9], **options)
     # The CF conventions require a single word for each value of a flag.
     words = result.label.attrs["flag_meanings"].split()
     values = result.label.attrs["flag_values"].tolist()
     assert len(words) == len(values) and all(word.isidentifier() for word in words)
     for tuning, label in zip((0.7, 0.9), result.label.values, strict=True):
-        single = trust(PAPER, tuning, **options)
+        single = trust(PAPER_PAIR, tuning, **options)
         assert single.label == LABELS[label]
         assert words[values.index(label)].replace("_", "-") == single.label
         for name in ("period", "digits", "exponent", "uncertainty"):

@@ -6,9 +6,9 @@ import pytest
 from gearlib import integrators
 from gearlib.config import load
 from gearlib.studies.trials import problems, references, work_precision
-from tests.paper import CONFIG, PAPER
+from tests.paper import CONFIG, PAPER_PAIR
 
-PAIR, SIX = PAPER, CONFIG["six_degrees"]
+PAIR, SIX = PAPER_PAIR, CONFIG["six_degrees"]
 SETTINGS = load(CONFIG).model_dump()["work_precision"]
 SETTINGS |= {"periods": 4, "record_periods": 3}
 #: Bounds of errors of states and of phases of events. They allow for the rounding of a hundred

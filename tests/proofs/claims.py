@@ -4,9 +4,9 @@ import json
 from dataclasses import replace
 
 import gearlib
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 
-MATERIAL = PAPER.replace(material_damping=3953.7)
+MATERIAL = PAPER_PAIR.replace(material_damping=3953.7)
 #: An oscillator with stepwise stiffness, a harmonic force and unequal sides.
 STOP = gearlib.DeadZoneOscillator(
     upper_edge=1.0,

@@ -17,7 +17,7 @@ import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.independent.certificates import faults
 from tests.independent.systems import describe
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.proofs.claims import MATERIAL, STOP, assert_wrong_candidates_are_refused, claim_of
 
 COUNT = int(os.environ.get("GEARLIB_CERTIFICATES", "40"))
@@ -59,7 +59,7 @@ CASES = {
     "no contact lost": (MATERIAL, 0.7, None, 1, "stable"),
     "coast-side contact": (pair(damping=0.02, backlash_ratio=1.0), 0.7, None, 1, None),
     "another damping in free flight": (
-        PAPER.replace(backlash_damping=3953.7), 0.82, None, 1, "stable",
+        PAPER_PAIR.replace(backlash_damping=3953.7), 0.82, None, 1, "stable",
     ),
     "two mesh periods": (pair(damping=0.03, backlash_ratio=4.0), 2.0, None, 2, None),
     "no backlash": (pair(damping=0.05, backlash_ratio=0.0), 0.95, None, 1, None),
@@ -171,7 +171,7 @@ def test_random_orbits_are_proven_and_wrong_candidates_refused(seed):
     [
         ({"state": np.array((-0.0953, -0.3086))}, "distance"),
         ({"tuning": 0.8151}, "distance"),
-        ({"model": PAPER}, "distance"),
+        ({"model": PAPER_PAIR}, "distance"),
         ({"period": 2}, "contacts"),
         ({"pattern": (1,)}, "contacts"),
         ({"model": gearlib.OneDegreePair(pair=MATERIAL, cubic_damping=1.0)}, "model"),

@@ -8,7 +8,7 @@ import pytest
 
 import gearlib
 from tests.independent.certificates import faults
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.proofs.claims import MATERIAL, claim_of
 
 
@@ -17,7 +17,7 @@ from tests.proofs.claims import MATERIAL, claim_of
     [
         (MATERIAL, 0.6, 0.803, (0.5, 0.0), "grazing", 0.8020519930),
         (MATERIAL, 0.815, 0.817, None, "fold", 0.8160450454),
-        (PAPER, 0.64, 0.66, (0.5, 0.0), "stability", 0.6556243338),
+        (PAPER_PAIR, 0.64, 0.66, (0.5, 0.0), "stability", 0.6556243338),
     ],
 )
 def test_a_proven_range_ends_at_a_grazing_a_fold_or_a_tongue_edge(
@@ -67,8 +67,8 @@ def test_a_range_of_a_mesh_at_rest_is_proven():
     "pair, start, to, stability",
     [
         (MATERIAL, 0.75, 0.755, "stable"),
-        (PAPER, 0.7, 0.701, "undecided"),
-        (PAPER, 0.66, 0.6601, "unstable"),
+        (PAPER_PAIR, 0.7, 0.701, "undecided"),
+        (PAPER_PAIR, 0.66, 0.6601, "unstable"),
     ],
 )
 def test_orbits_in_50_digits_lie_in_the_proven_range(pair, start, to, stability):
@@ -83,6 +83,6 @@ def test_orbits_in_50_digits_lie_in_the_proven_range(pair, start, to, stability)
 
 
 def test_a_range_of_a_train_is_proven():
-    orbit = gearlib.periodic_orbit(gearlib.idler(PAPER.replace(material_damping=1500.0)), 0.7)
+    orbit = gearlib.periodic_orbit(gearlib.idler(PAPER_PAIR.replace(material_damping=1500.0)), 0.7)
     proven = gearlib.certify_range(orbit, to=0.701)
     assert proven and proven.stability == "stable" and proven.train.contacts == (1, 1)

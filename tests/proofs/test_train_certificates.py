@@ -15,11 +15,11 @@ from gearlib.analysis.proofs.certificate_files import ProofFailed
 from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.signs import check_contacts
 from tests.independent.certificates import Motion
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.proofs.claims import assert_wrong_candidates_are_refused, claim_of
 from tests.properties.known_models import EVERYTHING, gears
 
-LIGHT = PAPER.replace(material_damping=1500.0)
+LIGHT = PAPER_PAIR.replace(material_damping=1500.0)
 GEAR = {"teeth": 18, "base_radius": 0.036, "inertia": 4e-3}
 FLANK = dict(max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6, backlash=15e-6)
 DAMPED_FLANK = FLANK | {"material_damping": 1500.0, "backlash_damping": 200.0}

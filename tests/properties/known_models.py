@@ -22,7 +22,7 @@ from gearlib import (
     Steps,
     Tabulated,
 )
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.physics import published
 from tests.trains.random_trains import chain_with_everything
 
@@ -37,8 +37,8 @@ class Known(NamedTuple):
 
 
 RADIUS, BODY = 0.1, 17.27
-LINEAR = PAPER.replace(material_damping=1000.0, backlash_damping=300.0)
-DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
+LINEAR = PAPER_PAIR.replace(material_damping=1000.0, backlash_damping=300.0)
+DAMPED = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=500.0)
 UNDAMPED = LINEAR.replace(material_damping=0.0, backlash_damping=0.0)
 #: A pair with an orbit on both flanks at the tuning 0.88, and an unstable one at 0.851.
 OTHER = GearPair.from_ratios(
@@ -95,7 +95,7 @@ def gears(bearing, material=0.0, oil=0.0, free=False, share=0.02, **more):
     torsional = 1.0 / (1.0 / 3.123 - 2.0 / BODY) if free else 3.123
     damping = 0.0 if math.isinf(bearing) else 2.0 * share * math.sqrt(bearing * BODY)
     inertia = 2.0 * torsional * RADIUS**2
-    pair = PAPER.replace(
+    pair = PAPER_PAIR.replace(
         backlash=more.pop("backlash", 40e-6), material_damping=material, backlash_damping=oil
     )
     return SixDegreePair(
@@ -188,7 +188,7 @@ def ring_driven_train():
 
 def _wavy_idler():
     """Return an idler train whose meshes have a sinusoidal deviation."""
-    train = gearlib.idler(PAPER.replace(material_damping=3000.0))
+    train = gearlib.idler(PAPER_PAIR.replace(material_damping=3000.0))
     wave = Harmonics((1e-6,), ())
     return train.replace(meshes=[replace(mesh, deviation=wave) for mesh in train.meshes])
 
@@ -255,7 +255,7 @@ KNOWN = {
     "ring that drives": Known(ring_driven_train(), 3.0, "static", 4),
     "bouncing planets": Known(gearlib.planetary(**_BOUNCING), 1.0, "static", 4),
     "turning planets": Known(gearlib.planetary(**_TURNING, backlash=1e-6), 0.2, "static", 3),
-    "two stages": Known(gearlib.two_stage(PAPER), 0.8, "static", 3),
-    "reducer": Known(gearlib.split_power_reducer(PAPER, internal=True), 0.95, "static", 3),
+    "two stages": Known(gearlib.two_stage(PAPER_PAIR), 0.8, "static", 3),
+    "reducer": Known(gearlib.split_power_reducer(PAPER_PAIR, internal=True), 0.95, "static", 3),
     "rigid pins": Known(gearlib.planetary(**_RIGID_PINS), 1.0, "static", 3),
 }

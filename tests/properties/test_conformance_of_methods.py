@@ -13,7 +13,7 @@ import gearlib
 from gearlib import Fourier, GearPair, OneDegreePair, integrators, simulate, sweep
 from gearlib.engines.summary_columns import COLUMNS
 from tests.independent.differences import SHARES
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SPLIT, VARIANTS
 from tests.properties.cases import random_trains_case
 from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
@@ -35,7 +35,7 @@ class Accuracy(NamedTuple):
 #: 1e3.
 #: After the kink of |x'| x' a Runge-Kutta pair loses another digit.
 METHODS = {"scipy": Accuracy(SPLIT, 1e-8, 1e-8), "heyoka": Accuracy({}, 1e-12, 1e-11)}
-THICK = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+THICK = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 FAR = -THICK.backlash_ratio
 MOTIONS = {
     "bounces": Known(THICK, 0.9, (0.0, 0.0), 20),

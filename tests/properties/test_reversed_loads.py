@@ -15,7 +15,7 @@ from gearlib.analysis.duty_point import duty_point
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.data.motions import largest_force
 from gearlib.uncertainty.designs import DesignQuantities
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.known_models import CHAIN, gears
 
 PLANETS = {"stiffness_ratio": (0.7, 0.7), "reference_frequency": 1475.7}
@@ -24,7 +24,7 @@ TRAINS = {
     "chain": CHAIN,
     "planetary": gearlib.planetary(**PLANETS),
     "turning": gearlib.planetary(**TURNING),
-    "two stages": gearlib.two_stage(PAPER.replace(material_damping=3e3)),
+    "two stages": gearlib.two_stage(PAPER_PAIR.replace(material_damping=3e3)),
 }
 SIX = gears(5e8, material=4.5e3, oil=300.0, moving_backlash=False)
 
@@ -94,7 +94,7 @@ def test_reversed_loads_have_the_same_quantities_of_designs():
 
 def test_tongues_and_phasing_use_the_phases_of_loaded_coast_sides():
     """Reversed loads must give the results of a train whose flanks have exchanged phases."""
-    train = with_equal_flanks(gearlib.idler(PAPER.replace(material_damping=100.0)))
+    train = with_equal_flanks(gearlib.idler(PAPER_PAIR.replace(material_damping=100.0)))
     shift = {"phase": 0.1, "coast_phase": 0.35}
     meshes = [train.meshes[0], replace(train.meshes[1], **shift)]
     exchanged = [train.meshes[0], replace(meshes[1], phase=0.35, coast_phase=0.1)]

@@ -88,7 +88,7 @@ def from_rest(decay, square, load, x, t):
         return rest + matrix[0, 0] * (x - rest), matrix[1, 0] * (x - rest)
 
 
-class Stored:
+class StoredReferences:
     """The stored references of one test module, in a file of their own."""
 
     #: All instances.
@@ -100,14 +100,14 @@ class Stored:
         self.path = FOLDER / f"{name}.json"
         self.entries = json.loads(self.path.read_text("utf-8")) if self.path.exists() else {}
         self.recorded: dict = {}
-        Stored.known.append(self)
+        StoredReferences.known.append(self)
 
     def rows(self, function, *arguments):
         """Return the rows of numbers of a function of 50 digits, stored ones if possible."""
-        key = key_of(function, *arguments)
-        if Stored.recording:
-            self.recorded[key] = texts(function(*arguments))
-        known = self.recorded if Stored.recording else self.entries
+        key = reference_key(function, *arguments)
+        if StoredReferences.recording:
+            self.recorded[key] = number_strings(function(*arguments))
+        known = self.recorded if StoredReferences.recording else self.entries
         if key not in known:
             warnings.warn(f"{self.path.name} lacks {arguments}: make references", stacklevel=2)
             return function(*arguments)
@@ -120,11 +120,11 @@ class Stored:
         self.path.write_text(f"{{\n{text}\n}}\n", encoding="utf-8")
 
 
-def key_of(function, *arguments):
-    """Return the key of a reference, a digest of the exact arguments."""
+def reference_key(function, *arguments):
+    """Return the key of a stored reference: a digest of the function name and exact arguments."""
     return hashlib.sha256(repr((function.__name__, *arguments)).encode()).hexdigest()[:16]
 
 
-def texts(rows):
-    """Return rows of numbers as texts."""
+def number_strings(rows):
+    """Return each row of numbers as a string."""
     return [" ".join(mpmath.nstr(value, _DIGITS) for value in row) for row in rows]

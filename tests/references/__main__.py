@@ -9,17 +9,17 @@ import sys
 
 import pytest
 
-from tests.references import Stored
+from tests.references import StoredReferences
 
 MODULES = ["tests/physics/test_random_meshes.py", "tests/physics/test_sensitivities.py"]
 
 
 def main():
     """Run tests with recording on, and write the references that they ask for."""
-    Stored.recording = True
+    StoredReferences.recording = True
     chosen = sys.argv[1:]
     code = pytest.main(["-p", "no:xdist", "-q", *(chosen or MODULES)])
-    for stored in Stored.known if code == 0 else ():
+    for stored in StoredReferences.known if code == 0 else ():
         if chosen:
             stored.recorded = stored.entries | stored.recorded
         stored.write()

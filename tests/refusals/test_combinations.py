@@ -21,7 +21,7 @@ from gearlib.config import load
 from gearlib.parameters import declared_parameters
 from tests.declarations import BODY, MESH, PUBLIC
 from tests.geometry.stages import fzg_c
-from tests.paper import CONFIG, PAPER
+from tests.paper import CONFIG, PAPER_PAIR
 from tests.properties import known_models
 from tests.properties.known_models import DAMPED
 from tests.sentences import assert_sentence
@@ -45,7 +45,7 @@ FILES = {
 A, AB = BODY, MESH
 B = replace(A, name="b", inertia=0.02, base_radius=0.2, teeth=40, torque=200.0)
 C = replace(B, name="c", torque=0.0)
-paper, stage = PAPER.replace, fzg_c()
+paper, stage = PAPER_PAIR.replace, fzg_c()
 a, b, ab = (partial(replace, element) for element in (A, B, AB))
 shaft, train = partial(g.Shaft, stiffness=1.0), partial(g.GearTrain, bodies=(A, B), meshes=(AB,))
 gear = partial(geometry.SpurGear, teeth=20, module=4e-3, width=0.02)

@@ -8,12 +8,12 @@ import pytest
 import gearlib
 from gearlib.engines import orbit
 from gearlib.engines.linear.periods import EVENT_MESH
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.known_models import pairs_as_train
 from tests.trains.random_trains import random_problem, symmetric_problem
 
 #: Bounces once a mesh period at a tuning of 0.85.
-PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=800.0, backlash=120e-6)
+PAIR = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=800.0, backlash=120e-6)
 
 
 def test_a_train_at_rest_on_its_flanks_begins_in_contact():

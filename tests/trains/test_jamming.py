@@ -14,7 +14,7 @@ import gearlib
 from gearlib import Harmonics
 from gearlib.data import status
 from tests.independent.systems import describe, system_of
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.known_models import pairs_as_train
 from tests.trains.random_trains import jamming_problem
 
@@ -29,7 +29,7 @@ def two_gears(drive, coast, backlash=1e-6, load=400.0):
     """
     stiffness = {"stiffness_ratio": 0.6, "contact_ratio": 1.5, "reduced_mass": 3.0}
     damping = {"material_damping": 2000.0, "backlash_damping": 500.0}
-    train = pairs_as_train(PAPER.replace(load=load, backlash=backlash, **stiffness, **damping))
+    train = pairs_as_train(PAPER_PAIR.replace(load=load, backlash=backlash, **stiffness, **damping))
     waves = {"deviation": Harmonics((drive,)), "coast_deviation": Harmonics((coast,))}
     return train.replace(meshes=[replace(train.meshes[0], **waves)])
 

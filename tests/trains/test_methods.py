@@ -8,7 +8,7 @@ import scipy.integrate
 
 import gearlib
 from gearlib.data import status
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.physics.test_step_methods import SPLIT
 
 VARIABLES = ("displacement", "velocity", "dynamic_force", "body_motion", "final_state", "bounces")
@@ -20,7 +20,7 @@ START = (0.5, 3.0, -2.0, 0.0, 1.0, 0.0)
 
 def bouncing_train():
     """Return an idler train with friction that bounces between both flanks from START."""
-    train = gearlib.idler(PAPER.replace(backlash=12e-6, material_damping=3000.0))
+    train = gearlib.idler(PAPER_PAIR.replace(backlash=12e-6, material_damping=3000.0))
     return train.replace(meshes=[replace(m, friction=(0.05, 0.03)) for m in train.meshes])
 
 

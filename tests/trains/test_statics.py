@@ -9,7 +9,7 @@ import pytest
 from gearlib import idler, planetary, simulate, split_power_reducer
 from gearlib.models.trains.statics import equilibrium
 from tests.independent.systems import describe, system_of
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.trains.random_trains import chain_train, planetary_train, reducer_train
 
 
@@ -63,7 +63,7 @@ def test_forces_of_random_trains_are_in_balance_where_flanks_touch():
 @pytest.mark.parametrize("internal", [False, True])
 def test_load_sharing_with_a_displaced_pin_matches_hand_calculation(internal):
     """Each of three branches is two meshes and a shaft in series, and one pin is displaced."""
-    pair, pin_error, shaft_stiffness = PAPER.replace(backlash=math.inf), 10e-6, 1e6
+    pair, pin_error, shaft_stiffness = PAPER_PAIR.replace(backlash=math.inf), 10e-6, 1e6
     train = split_power_reducer(
         pair,
         internal=internal,
@@ -106,13 +106,13 @@ def test_torques_and_speeds_of_a_planetary_train_satisfy_willis_equation():
 
 def test_a_load_on_missing_coast_sides_is_refused():
     """With infinite backlash a reversed torque meets no flank, so that there is no equilibrium."""
-    train = idler(PAPER.replace(backlash=math.inf))
+    train = idler(PAPER_PAIR.replace(backlash=math.inf))
     bodies = [replace(body, torque=-body.torque) for body in train.bodies]
     with pytest.raises(ValueError, match="no static equilibrium"):
         train.replace(bodies=bodies).static()
-    finite = idler(PAPER).replace(bodies=bodies).static()
+    finite = idler(PAPER_PAIR).replace(bodies=bodies).static()
     assert list(finite.contact.values) == [-1, -1]
-    np.testing.assert_allclose(finite.mesh_force, -PAPER.load, rtol=1e-12)
+    np.testing.assert_allclose(finite.mesh_force, -PAPER_PAIR.load, rtol=1e-12)
 
 
 @pytest.mark.parametrize("load", [2000.0, -2000.0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gearlib import Harmonics, OneDegreePair, simulate, two_stage
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.known_models import pairs_as_train
 from tests.trains import random_trains
 
@@ -20,7 +20,7 @@ from tests.trains import random_trains
 )
 def test_the_excitation_repeats_after_the_least_common_period(eccentric, repeats):
     """Run-out of a gear extends the common period by the turns of this gear."""
-    train = two_stage(PAPER)
+    train = two_stage(PAPER_PAIR)
     train = train.replace(
         bodies=[replace(b, eccentricity=(b.name in eccentric) * 1e-6) for b in train.bodies]
     )
@@ -44,7 +44,7 @@ def test_slow_harmonics_are_kept_in_models_with_rigid_body_motion():
 @pytest.mark.parametrize("detuning", [0.0, 1e-10, 1e-4])
 def test_motion_by_deviations_at_an_undamped_resonance_matches_taylor_steps(detuning):
     """Excite a pair at, and close to, the natural frequency of its upper stiffness level."""
-    pair, wave = PAPER.replace(backlash=math.inf), Harmonics((1e-6,), (2e-6,))
+    pair, wave = PAPER_PAIR.replace(backlash=math.inf), Harmonics((1e-6,), (2e-6,))
     train = pairs_as_train(pair)
     train = train.replace(meshes=[replace(train.meshes[0], deviation=wave)])
     # The natural frequency of the upper stiffness level is met exactly.

@@ -15,7 +15,7 @@ from gearlib.studies import certificates, claims, jump, paper, resonance, scenes
 from gearlib.studies.trials import fastest, problems
 from gearlib.studies.trials.work_precision import event_error
 from tests.golden import data as golden
-from tests.paper import CONFIG, PAPER
+from tests.paper import CONFIG, PAPER_PAIR
 from tests.tables import read_back
 
 DAMPINGS = {
@@ -34,7 +34,7 @@ Data = namedtuple("Data", "resonance phase_planes phase_lag jump scenes")
 def phase_lag(*dampings):
     """Return the phase lag at the tuning 0.72 for given material dampings, Ns/m."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
-    return paper.phase_lag(PAPER, list(dampings), 0.72, [0.7], **options)
+    return paper.phase_lag(PAPER_PAIR, list(dampings), 0.72, [0.7], **options)
 
 
 @pytest.fixture(scope="module")
@@ -42,14 +42,14 @@ def data():
     """Return the `Data` to which the claims of the paper refer, with runs from rest ("cold")."""
     curves, runs, options = [], [], RUN | {"samples_per_period": 32}
     for name, damping in DAMPINGS.items():
-        pair = PAPER.replace(**damping)
+        pair = PAPER_PAIR.replace(**damping)
         curve = sweep(pair, np.arange(0.5, 1.4001, 0.002), **RUN)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
         runs += [paper.phase_plane_run(pair, pair, nu, options, name) for nu in PLANES]
     # The study searches the jump of motions from rest and its shift for a start at 0.1.
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
-    pair = PAPER.replace(**DAMPINGS["k1"])
+    pair = PAPER_PAIR.replace(**DAMPINGS["k1"])
     jumps = jump.jump_and_shifts(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
     scenes = {name: golden.read(f"scenes/{name}.nc") for name in CONFIG["scenes"]}
     tables = gather_resonance(curves), gather_phase_planes(runs)
@@ -63,7 +63,7 @@ def verdicts(table):
 
 def test_verdicts_on_the_paper(data, tmp_path):
     """All claims of the paper hold but P11, and P10 holds at the resolution of its plots."""
-    table = claims.evaluate(PAPER, DAMPINGS, *data)
+    table = claims.evaluate(PAPER_PAIR, DAMPINGS, *data)
     # For P10 the oil-damped motion (k1m) at the tuning 0.80 has not settled, but its loops differ
     # by
     # less than the width of a line. For P11 the jump is at 0.8157, not between 0.8150 and 0.8151.
@@ -96,7 +96,7 @@ def test_steadiness_is_judged_strictly_and_at_plot_resolution(data):
     planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = loops.ravel()
     drift = np.linspace([1.0], [1.1], 24) * wave
     planes.displacement.loc[{"damping": "k1m", "tuning": 0.8}] = drift.ravel()
-    table = verdicts(claims.evaluate(PAPER, DAMPINGS, *data._replace(phase_planes=planes)))
+    table = verdicts(claims.evaluate(PAPER_PAIR, DAMPINGS, *data._replace(phase_planes=planes)))
     verdict = "holds at the resolution of the plots; strictly, the motion with none at nu = 0.60"
     assert table["P9"] == f"{verdict} repeats after 3 periods"
     # The loops no longer look like a single line: the motion is unsteady by both criteria.
@@ -117,10 +117,10 @@ def test_verdicts_follow_the_data(data):
     planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = np.cos(planes.phase)  # P9
     lags = phase_lag(40.0, 41.0)  # P3
     changed = Data(curves, planes, lags, data.jump, changed_scenes)
-    table = verdicts(claims.evaluate(PAPER, DAMPINGS, *changed))
+    table = verdicts(claims.evaluate(PAPER_PAIR, DAMPINGS, *changed))
     assert [table[key] for key in ("P3", "P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 7
     assert table["P11"] == "holds"
-    table = verdicts(claims.evaluate(PAPER.replace(contact_ratio=1.3), DAMPINGS, *data))
+    table = verdicts(claims.evaluate(PAPER_PAIR.replace(contact_ratio=1.3), DAMPINGS, *data))
     assert table["P1"] == table["P2"] == "differs"
 
 
@@ -130,7 +130,7 @@ def test_missing_data_are_named_not_guessed(data):
     curves = data.resonance.sel(damping=["k1"], tuning=slice(0.9, 0.95))
     planes = data.phase_planes.sel(damping=["k1"]).isel(tuning=[0]).assign_coords(tuning=[0.7])
     missing = Data(curves, planes, data.phase_lag.isel(damping=[0]), data.jump, {})
-    table = claims.evaluate(PAPER, {"k1": DAMPINGS["k1"]}, *missing)
+    table = claims.evaluate(PAPER_PAIR, {"k1": DAMPINGS["k1"]}, *missing)
     expected = dict.fromkeys(IDS, "not evaluated") | {"P1": "holds", "P2": "holds"}
     assert verdicts(table) == expected and all(claim.computed for claim in table)
 
@@ -138,7 +138,7 @@ def test_missing_data_are_named_not_guessed(data):
 def test_the_table_of_certificates_matches_the_documentation(tmp_path, monkeypatch):
     # Certificates of the reducer are left out because they take a minute.
     monkeypatch.setattr(certificates, "REDUCER_TUNINGS", ())
-    pair, step = PAPER.replace(**DAMPINGS["k1"]), {"step": 0.2, "max_height": 20.0}
+    pair, step = PAPER_PAIR.replace(**DAMPINGS["k1"]), {"step": 0.2, "max_height": 20.0}
     branches = {"k1": resonance.branches_of(pair, 0.5, 1.4, max_points=2000, **step)}
     proofs = certificates.certify_branches({"k1": pair}, branches, PLANES)
     write_table(certificates.certificate_rows(proofs), tmp_path / "table.csv")
@@ -170,7 +170,7 @@ def test_the_table_of_lost_contact_matches_the_documentation(tmp_path):
     assert (tmp_path / "table.csv").read_text(encoding="utf-8") == expected
     # Contact is also lost by a forced response, here up to the end of the scan.
     run = {"periods": 120, "initial_state": [0.0, 0.0]}
-    losses = stability.contact_loss({"free": PAPER}, 0.82, 0.6, 1.1, run)
+    losses = stability.contact_loss({"free": PAPER_PAIR}, 0.82, 0.6, 1.1, run)
     (row,) = read_back(stability.rows(losses), tmp_path)
     assert (row["tuning"], row["cause"], row["lost"]) == ("0.82", "forced response", "yes")
     assert row["loss_from"] != "" == row["loss_to"]

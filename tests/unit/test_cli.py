@@ -19,7 +19,7 @@ from gearlib.cli import main
 from gearlib.data import gathering, storage
 from gearlib.units import WRITTEN_UNITS
 from tests.geometry import stages
-from tests.paper import CONFIG, PAPER
+from tests.paper import CONFIG, PAPER_PAIR
 from tests.unit.test_gear_names import relieved
 
 PAIR = (
@@ -29,7 +29,7 @@ PAIR = (
 )
 UNDAMPED = "--teeth 23 61 --module 2.5mm --width 18mm --torque 85Nm --backlash 80um"
 GEOMETRY = f"{UNDAMPED} --damping-ratio 0.05"
-K1 = PAPER.replace(material_damping=3953.7)
+K1 = PAPER_PAIR.replace(material_damping=3953.7)
 FROM_FILE = "--config mine.yaml"
 CONFIG_FILE = Path(__file__).parents[2] / "config.yaml"
 

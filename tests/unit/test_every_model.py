@@ -17,7 +17,7 @@ from gearlib.models.model import Model
 from gearlib.models.one_degree_pair import Equation
 from gearlib.models.profiles import Steps
 from tests.geometry.stages import fzg_c
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.known_models import CHAIN, gears
 
 
@@ -50,7 +50,7 @@ class Stop(Model):
 
 
 NU, BOX = 0.9, ((-1.0, 1.0), (-1.0, 1.0))
-DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+DAMPED = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 #: With rigid bearings two coordinates are left besides the rigid-body rotation, for which trapping
 #: ellipses are found quickly.
 RIGID = gears(math.inf, 3953.7, 3953.7)

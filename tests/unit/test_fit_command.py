@@ -12,10 +12,10 @@ import gearlib
 from gearlib.cli import main
 from gearlib.uncertainty.observations import observations_of
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.sentences import assert_sentence
 
-TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+TRUTH = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 COURSE = [(0.0, float(TRUTH.speed(0.6))), (0.4, float(TRUTH.speed(0.72)))]
 DATA = synthetic_rig(TRUTH, COURSE, 1)
 TABLE = np.c_[DATA.time.values, 1e6 * DATA.displacement.values]
@@ -160,7 +160,7 @@ WRONG_DATA = {
 @pytest.mark.parametrize("sentence", WRONG_DATA)
 def test_data_that_cannot_be_fitted_are_refused_in_one_sentence(sentence):
     with pytest.raises(ValueError, match="is not allowed") as error:
-        gearlib.fit(PAPER, WRONG_DATA[sentence], {"reduced_mass": (2.6, 3.7)})
+        gearlib.fit(PAPER_PAIR, WRONG_DATA[sentence], {"reduced_mass": (2.6, 3.7)})
     assert_sentence(error.value, sentence)
 
 
@@ -168,7 +168,7 @@ def test_gain_and_offset_are_eliminated_and_noise_is_single_or_common():
     noise = np.array([1e-7, 2e-7, 3e-7])
     data = sweep(unknown_gain=1, unknown_offset=1, noise_std=2e-7, units="V")
     with_noise = data.assign(displacement_max_noise_std=("sample", noise))
-    single = observations_of(PAPER, with_noise)[0].channels[0]
-    common = observations_of(PAPER, data)[0].channels[0]
+    single = observations_of(PAPER_PAIR, with_noise)[0].channels[0]
+    common = observations_of(PAPER_PAIR, data)[0].channels[0]
     assert single.eliminated == 2 and single.deviations.tolist() == noise.tolist()
     assert common.deviations.tolist() == [2e-7] * 3

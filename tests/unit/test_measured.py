@@ -13,7 +13,7 @@ from gearlib.data.gathering import gather_resonance
 from gearlib.data.storage import read, write
 from gearlib.figures import resonance_figure
 from gearlib.studies import measured as study
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.sentences import assert_sentence
 
 CHANNELS = {
@@ -293,7 +293,7 @@ def test_a_long_table_may_have_speeds_of_jumps_only(rig):
     assert rig(table, channels={"jump_up": {"unit": "Hz"}}).jump_up == 2820.0
 
 
-PAIR = PAPER.replace(material_damping=3953.7)
+PAIR = PAPER_PAIR.replace(material_damping=3953.7)
 UNKNOWN = {"gain": "unknown", "offset": "unknown"}
 
 

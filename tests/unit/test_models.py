@@ -12,17 +12,17 @@ from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair, Tabulated
 from gearlib.data.motions import describe, mask_unbounded
 from gearlib.models.model import Model
 from gearlib.models.profiles import Steps
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.properties.changes import in_units, unit_factor
 from tests.properties.known_models import TABLE, pairs_as_train
 from tests.sentences import assert_sentence
 
-ONE = OneDegreePair(pair=PAPER, cubic_damping=4e5, deviation=Harmonics((1e-6,)))
+ONE = OneDegreePair(pair=PAPER_PAIR, cubic_damping=4e5, deviation=Harmonics((1e-6,)))
 BODIES = {"base_radii": (0.1, 0.08), "inertias": (0.06, 0.05), "masses": (17.0, 12.0)}
 BEARINGS = {"bearing_stiffness": (1e8,) * 4}
-SIX = SixDegreePair(pair=PAPER, deviation=Harmonics((1e-6,)), **BODIES, **BEARINGS)
+SIX = SixDegreePair(pair=PAPER_PAIR, deviation=Harmonics((1e-6,)), **BODIES, **BEARINGS)
 OSCILLATOR = gearlib.DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, damping=0.1)
-UNEQUAL, TRAIN = SIX.replace(teeth=(30, 24)), gearlib.split_power_reducer(PAPER)
+UNEQUAL, TRAIN = SIX.replace(teeth=(30, 24)), gearlib.split_power_reducer(PAPER_PAIR)
 RUN, SPAN = {"periods": 4, "samples_per_period": 8}, {"periods": 60, "record_periods": 4}
 #: Damped in contact and in free flight.
 PAIR = GearPair.from_ratios(
@@ -40,18 +40,18 @@ def test_a_model_takes_scales_and_ratios_from_its_pair(model):
     # Models lack some attributes of a pair and define others themselves.
     excepted = {"from_geometry", "from_ratios", "RATIOS", "ratio_slopes"}
     excepted |= {*vars(Model), *vars(model)}
-    names = {name for name in dir(PAPER) if not name.startswith("_")}
+    names = {name for name in dir(PAPER_PAIR) if not name.startswith("_")}
     for name in (names - excepted) | {"speed_scales"}:
-        value, expected = getattr(model, name), getattr(PAPER, name)
+        value, expected = getattr(model, name), getattr(PAPER_PAIR, name)
         if callable(value):
             value, expected = value(0.8), expected(0.8)
         assert value == expected, name
     # Models with base radii also have a scale of torque.
-    assert PAPER.scales().items() <= model.scales().items()
+    assert PAPER_PAIR.scales().items() <= model.scales().items()
     assert not hasattr(model, "from_ratios")
 
 
-@pytest.mark.parametrize("model", [PAPER, ONE, SIX, OSCILLATOR])
+@pytest.mark.parametrize("model", [PAPER_PAIR, ONE, SIX, OSCILLATOR])
 def test_a_copy_is_a_model_of_the_same_kind(model):
     """Replacing a field by its own value must give an equal model; unknown fields are refused."""
     for name in {field.name for field in dataclasses.fields(model)} - {"pair"}:
@@ -65,8 +65,8 @@ def test_a_copy_changes_the_model_or_its_pair(model):
     """Fields of the pair are changed in the pair, all other fields in the model itself."""
     changed = model.replace(backlash=20e-6, deviation=Harmonics((2e-6,)))
     assert type(changed) is type(model) and changed.deviation == Harmonics((2e-6,))
-    assert changed.pair == PAPER.replace(backlash=20e-6)
-    pair = PAPER.replace(contact_ratio=1.4)
+    assert changed.pair == PAPER_PAIR.replace(backlash=20e-6)
+    pair = PAPER_PAIR.replace(contact_ratio=1.4)
     assert model.replace(pair=pair, backlash=math.inf).pair == pair.replace(backlash=math.inf)
     for changes, words in (({"backlash": -1}, "backlash = -1"), ({"pair": 3}, "pair = 3")):
         with pytest.raises(ValueError, match=words):
@@ -75,13 +75,19 @@ def test_a_copy_changes_the_model_or_its_pair(model):
 
 def test_a_copy_computes_derived_defaults_anew_and_keeps_explicit_values():
     """Torques, teeth, coast deviation and dampings have defaults that follow from other fields."""
-    heavier = SIX.replace(load=2.0 * PAPER.load)
+    heavier = SIX.replace(load=2.0 * PAPER_PAIR.load)
     assert heavier.torques == tuple(2.0 * torque for torque in SIX.torques)
-    assert SIX.replace(base_radii=(0.2, 0.1)).torques == (0.2 * PAPER.load, 0.1 * PAPER.load)
+    assert SIX.replace(base_radii=(0.2, 0.1)).torques == (
+        0.2 * PAPER_PAIR.load,
+        0.1 * PAPER_PAIR.load,
+    )
     assert SIX.replace(deviation=Harmonics((2e-6,))).coast_deviation == Harmonics((2e-6,))
-    assert SIX.teeth == (24, 24) and SIX.replace(pair=PAPER.replace(teeth=31)).teeth == (31, 31)
+    assert SIX.teeth == (24, 24) and SIX.replace(pair=PAPER_PAIR.replace(teeth=31)).teeth == (
+        31,
+        31,
+    )
     fixed = SIX.replace(torques=(1.0, 2.0), teeth=(24, 31), coast_deviation=Harmonics())
-    changed = fixed.replace(load=1.0, deviation=Harmonics(), pair=PAPER.replace(teeth=20))
+    changed = fixed.replace(load=1.0, deviation=Harmonics(), pair=PAPER_PAIR.replace(teeth=20))
     assert changed.torques == (1.0, 2.0) and changed.teeth == (24, 31) and changed.pair.load == 1.0
     damped = OSCILLATOR.replace(damping=0.3, upper_stiffness=3.0)
     assert (damped.upper_damping, damped.lower_damping, damped.lower_stiffness) == (0.3, 0.3, 3.0)
@@ -98,7 +104,7 @@ def test_the_reduced_mass_of_two_gears_matches_the_formula_of_two_bodies():
     assert SIX.reduced_mass_free == pytest.approx(1.0 / (turning + moving), rel=1e-14)
 
 
-@pytest.mark.parametrize(("model", "teeth"), [(PAPER, 24), (UNEQUAL, 30), (TRAIN, 24)])
+@pytest.mark.parametrize(("model", "teeth"), [(PAPER_PAIR, 24), (UNEQUAL, 30), (TRAIN, 24)])
 def test_a_run_at_a_speed_matches_its_tuning_and_reports_torques_if_radii_are_known(model, teeth):
     """A run at 2000 rpm must equal the run at its tuning and report the torques of known radii."""
     run = simulate(model, speed=2000.0, **RUN)
@@ -110,12 +116,12 @@ def test_a_run_at_a_speed_matches_its_tuning_and_reports_torques_if_radii_are_kn
     same = simulate(model, model.tuning_at(2000.0), **RUN)
     assert same.displacement.equals(run.displacement)
     # A pair without base radii has a force, but no torque.
-    assert ("torque" in run) == (model is not PAPER)
+    assert ("torque" in run) == (model is not PAPER_PAIR)
     if model is UNEQUAL:
-        assert float(run.torque) == pytest.approx(PAPER.load * 0.1, rel=1e-12)
+        assert float(run.torque) == pytest.approx(PAPER_PAIR.load * 0.1, rel=1e-12)
     if model is TRAIN:
         # Each of three branches carries the load of the pair.
-        torque = 3.0 * PAPER.load * TRAIN.by_name["input"].base_radius
+        torque = 3.0 * PAPER_PAIR.load * TRAIN.by_name["input"].base_radius
         assert float(run.torque.sel(body="input")) == pytest.approx(torque, rel=1e-12)
         assert run.torque.attrs["units"] == "N m"
 
@@ -180,7 +186,7 @@ def test_units_of_variables_show_their_scaling(call):
     """Each variable must change by the factor of its unit if all units change."""
     # Units of length, mass and time change by powers of two, which cause no rounding.
     length, mass, time = 2.0, 4.0, 2.0
-    pair = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
+    pair = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=500.0)
     changed = in_units(pair, length, mass, time)
     first, second = call(pair), call(changed)
     for name, variable in first.variables.items():
@@ -204,7 +210,7 @@ def test_exceeding_the_event_limit_gives_a_status_and_nan():
     assert table.status.values.tolist() == [1] and table.displacement_max.isnull().all()
 
 
-STEEP = PAPER.replace(stiffness_ratio=0.2)
+STEEP = PAPER_PAIR.replace(stiffness_ratio=0.2)
 
 
 @pytest.mark.parametrize(
@@ -217,7 +223,7 @@ STEEP = PAPER.replace(stiffness_ratio=0.2)
     ],
 )
 def test_a_summary_describes_a_motion_in_words(period, inverse, bounces, words):
-    run = simulate(PAPER, 0.7, periods=2)
+    run = simulate(PAPER_PAIR, 0.7, periods=2)
     run = run.assign(period=period, fraction_coast=inverse, bounces=bounces)
     assert describe(run) == f"The motion from rest {words}."
 

@@ -15,7 +15,7 @@ from gearlib.figures.branches_figure import draw_jump
 from gearlib.figures.motions_figure import draw_phase_planes
 from gearlib.figures.resonance_figure import draw_nonlinear_damping, draw_resonance
 from tests.golden import data as golden
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.trains import random_trains
 
 
@@ -29,7 +29,7 @@ def no_window():
 
 def test_plots_are_drawn_into_given_axes():
     _, axes = pyplot.subplots()
-    assert plot.phase_plane(simulate(PAPER, 0.85, periods=4), axes=axes) is axes and axes.lines
+    assert plot.phase_plane(simulate(PAPER_PAIR, 0.85, periods=4), axes=axes) is axes and axes.lines
 
 
 @pytest.mark.parametrize(
@@ -47,11 +47,11 @@ def test_plots_are_drawn_into_given_axes():
 )
 def test_data_that_cannot_be_drawn_are_refused(call, words):
     with pytest.raises(ValueError, match=words):
-        call(simulate(PAPER, 0.85, periods=4))
+        call(simulate(PAPER_PAIR, 0.85, periods=4))
 
 
 def test_variables_that_a_run_up_does_not_have_are_refused():
-    run = run_up(PAPER, start=PAPER.speed(0.5), stop=PAPER.speed(0.51), duration=0.1)
+    run = run_up(PAPER_PAIR, start=PAPER_PAIR.speed(0.5), stop=PAPER_PAIR.speed(0.51), duration=0.1)
     with pytest.raises(ValueError, match="phase over revolution is missing"):
         plot.run_up(run, variable="phase")
 
@@ -97,9 +97,9 @@ def test_axis_limits_are_finite_for_incomplete_data(draw, data):
 
 
 def test_phase_plane_rows_are_labelled_with_the_requested_tuning_or_speed():
-    tunings = [0.332, 0.334, 0.735, float(PAPER.tuning_at(3600.0))]
+    tunings = [0.332, 0.334, 0.735, float(PAPER_PAIR.tuning_at(3600.0))]
     planes = PLANES.isel(tuning=[0] * 4).assign_coords(tuning=tunings)
-    planes["speed"] = "tuning", PAPER.speed(np.array(tunings))
+    planes["speed"] = "tuning", PAPER_PAIR.speed(np.array(tunings))
     rows = draw_phase_planes(planes).axes[:: planes.damping.size]
     labels = [axes.get_ylabel().split("\n")[:2] for axes in rows]
     assert [label[0][-5:] for label in labels[:3]] == ["0.332", "0.334", "0.735"]
@@ -135,9 +135,9 @@ def test_the_same_data_give_the_same_picture_bytes(tmp_path):
 TRAINS = {
     "planetary": gearlib.planetary(),
     "turning": gearlib.planetary(turning=True, planets=4, teeth=(28, 100)),
-    "ring at the output": gearlib.split_power_reducer(PAPER, internal=True),
-    "idler": gearlib.idler(PAPER, angle=2.0),
-    "two stages": gearlib.two_stage(PAPER, modules=(0.003, 0.005)),
+    "ring at the output": gearlib.split_power_reducer(PAPER_PAIR, internal=True),
+    "idler": gearlib.idler(PAPER_PAIR, angle=2.0),
+    "two stages": gearlib.two_stage(PAPER_PAIR, modules=(0.003, 0.005)),
     "chain": random_trains.chain_train(np.random.default_rng(0)),
 }
 

@@ -12,9 +12,9 @@ import pytest
 import gearlib
 from gearlib import progress
 from gearlib.engines.linear import modal_arcs, train_system
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 
-PAIR = PAPER.replace(material_damping=4e3)
+PAIR = PAPER_PAIR.replace(material_damping=4e3)
 ONE = gearlib.OneDegreePair(pair=PAIR)
 ORBIT = gearlib.periodic_orbit(PAIR, 1.3)
 GRID, DAMPINGS, NEVER, AT_ONCE = [0.6, 0.7, 0.8], [0.01, 0.02], 1e6, 1e-9
@@ -106,7 +106,7 @@ def test_one_progress_bar_is_shown_on_a_terminal(place, monkeypatch):
 
 def test_a_train_with_more_contacts_than_cached_modes_runs_after_any_other_run(monkeypatch):
     """Beyond the cached modes series take over, which are exact to rounding as well."""
-    pair = PAPER.replace(material_damping=0.0)
+    pair = PAPER_PAIR.replace(material_damping=0.0)
     reducer = gearlib.split_power_reducer(pair, branches=2, structural_damping=0.0)
     by_modes = gearlib.simulate(reducer, 0.9, periods=12).final_state
     for module in (modal_arcs, train_system):

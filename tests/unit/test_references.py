@@ -9,7 +9,7 @@ from tests.independent import differences
 from tests.independent.systems import describe
 from tests.physics import test_random_meshes
 from tests.physics import test_sensitivities as derivatives
-from tests.references import FOLDER, key_of, propagate, texts
+from tests.references import FOLDER, number_strings, propagate, reference_key
 
 
 def test_the_independent_program_shares_nothing_with_the_library():
@@ -37,10 +37,10 @@ def test_stored_references_of_random_meshes_match_50_digits():
     for _ in range(count):
         ratios, tuning, state = test_random_meshes.random_mesh(rng)
         arguments = (*ratios.values(), tuning, test_random_meshes.PERIODS, state)
-        key = key_of(propagate, *arguments)
+        key = reference_key(propagate, *arguments)
         if key in stored:
             compared += 1
-            assert stored[key] == texts(propagate(*arguments)), arguments
+            assert stored[key] == number_strings(propagate(*arguments)), arguments
     # On another machine the rounding of powers may change some of the random meshes.
     assert compared > count // 2
 
@@ -48,6 +48,8 @@ def test_stored_references_of_random_meshes_match_50_digits():
 def test_stored_derivatives_match_the_independent_program():
     (model, tuning, state, periods), names = derivatives.CASES["no backlash"]
     arguments = describe(model), tuning, periods, state
-    stored = derivatives.REFERENCES.entries[key_of(differences.of_run, *arguments, list(names))]
+    stored = derivatives.REFERENCES.entries[
+        reference_key(differences.of_run, *arguments, list(names))
+    ]
     # Derivatives in 34 digits are compared for the first parameter only, to save time.
-    assert texts(differences.of_run(*arguments, names[:1])) == stored[:1]
+    assert number_strings(differences.of_run(*arguments, names[:1])) == stored[:1]

@@ -14,11 +14,11 @@ from gearlib.uncertainty import distributions
 from gearlib.uncertainty.designs import Designs, StageDesign
 from gearlib.uncertainty.quality_classes import by_class, distance_limits, thickness_limits
 from tests.geometry.stages import fzg_c
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 
 #: Parameters that may have tolerances. The parameter "free" has neither unit nor limits.
 PARAMETERS = declared_parameters(gearlib.GearPair) | {"free": None}
-PAIR = PAPER.replace(material_damping=3953.7)
+PAIR = PAPER_PAIR.replace(material_damping=3953.7)
 
 
 def draw(tolerances, count=4096):

@@ -10,7 +10,7 @@ from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
 from gearlib.engines.pair.whole_periods import advance_periods, new_work, set_mesh, set_start
 from tests.geometry.stages import own
-from tests.paper import PAPER
+from tests.paper import PAPER_PAIR
 from tests.physics.test_random_meshes import random_mesh
 
 MAX_ARCS = 10**6
@@ -124,7 +124,7 @@ def test_the_reported_period_matches_the_settled_motion(damping):
 def test_an_orbit_that_does_not_attract_is_not_reported_as_settled():
     """A run on an orbit that does not attract must have the period 0, although it repeats."""
     # The motion from a state on the orbit repeats, but any disturbance persists or grows.
-    for tuning, pair in ((0.7, PAPER), (1.95, PAPER.replace(material_damping=600.0))):
+    for tuning, pair in ((0.7, PAPER_PAIR), (1.95, PAPER_PAIR.replace(material_damping=600.0))):
         pair = OneDegreePair(pair=pair)
         exact = periodic_orbit(pair, tuning, guess=(1.0, 0.0))
         assert np.abs(exact.multipliers[0]) > 1.0 - 1e-6

@@ -95,8 +95,8 @@ def test_a_new_model_works_by_the_recipe(copy):
 METHOD = """
 import gearlib
 from gearlib.config import load
-from tests.paper import CONFIG, PAPER
-pair = PAPER.replace(material_damping=3953.7)
+from tests.paper import CONFIG, PAPER_PAIR
+pair = PAPER_PAIR.replace(material_damping=3953.7)
 method = {"method": "dop853", "options": {"rtol": 1e-10, "atol": 1e-10}}
 runs = [gearlib.simulate(pair, 0.9, periods=3, **options) for options in (method, {})]
 print(*(run.final_state.values[0] for run in runs), *(run.sizes["event"] for run in runs))
