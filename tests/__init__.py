@@ -4,4 +4,4 @@ import os
 
 from gearlib import processor
 
-os.environ.update(processor.settings())
+os.environ.update(processor.environment_variables())

@@ -1,4 +1,4 @@
-"""The paper's gear pair (Fig. 3), without damping, to lay others over; config.yaml as it is."""
+"""The undamped gear pair of the paper (Fig. 3), and the project's config.yaml as a dict."""
 
 from pathlib import Path
 

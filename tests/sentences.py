@@ -1,10 +1,14 @@
-"""Refusals: one sentence each."""
+"""Check that an error message is a single sentence."""
 
 import re
 
 
-def assert_sentence(error, sentence, most=500):
-    """Assert that an error is one sentence that begins so; `...` stands for anything."""
-    text, parts = str(error), re.split(r"\s*\.\.\.\s*", sentence)
-    assert re.match(".*".join(map(re.escape, parts)), text), text
-    assert "\n" not in text and not re.search(r"[^.]\. ", text) and len(text) < most, text
+def assert_sentence(error, beginning, max_length=500):
+    """Assert that an error message is a single sentence with a given beginning.
+
+    `...` in the beginning matches any text. The message must be shorter than `max_length`.
+    """
+    message, fragments = str(error), re.split(r"\s*\.\.\.\s*", beginning)
+    assert re.match(".*".join(map(re.escape, fragments)), message), message
+    assert "\n" not in message and not re.search(r"[^.]\. ", message), message
+    assert len(message) < max_length, message

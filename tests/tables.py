@@ -1,4 +1,4 @@
-"""Tables of studies as who opens the file reads them."""
+"""Write a table of a study to a CSV file and read it back."""
 
 import csv
 
@@ -6,7 +6,10 @@ from gearlib.data.files import write_table
 
 
 def read_back(rows, folder):
-    """Return the rows of a table, written and read again: dicts of texts by column."""
+    """Write the rows of a table to a CSV file in a folder and read them back.
+
+    Return one dict per row, which maps each column name to the string in the cell.
+    """
     write_table(rows, folder / "table.csv")
     with (folder / "table.csv").open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))

@@ -19,7 +19,7 @@ import gearlib as g
 from gearlib import geometry
 from gearlib.config import load
 from gearlib.parameters import declared_parameters
-from tests.declarations import BODY, MESH, PUBLIC
+from tests.declarations import EXAMPLE_BODY, EXAMPLE_MESH, PUBLIC_OBJECTS
 from tests.geometry.stages import fzg_c
 from tests.paper import CONFIG, PAPER_PAIR
 from tests.properties import known_models
@@ -42,7 +42,7 @@ FILES = {
     "planetary_set": CONFIG | {"train": {"kind": "planetary_set", "planetary_set": SET}},
     "own": CONFIG | {"train": {"kind": "own", "own": OWN}},
 }
-A, AB = BODY, MESH
+A, AB = EXAMPLE_BODY, EXAMPLE_MESH
 B = replace(A, name="b", inertia=0.02, base_radius=0.2, teeth=40, torque=200.0)
 C = replace(B, name="c", torque=0.0)
 paper, stage = PAPER_PAIR.replace, fzg_c()
@@ -69,7 +69,7 @@ SPREAD, FREE = {"load": {"std": "1 %"}}, {"reduced_mass": (3.0, 3.2)}
 JUMP = xr.Dataset({"jump_up": ((), 3300.0, {"units": "min-1", "noise_std": 1.0})})
 #: Values that no parameter accepts: other types, nested and unhashable values, other tables.
 TAKEN_BY_NONE = [object(), 1j, {"a": []}, [["a"]], np.array([["a"], [1]]), xr.Dataset({"a": 1})]
-NAMES = PUBLIC | vars(math) | vars(known_models) | globals()
+NAMES = PUBLIC_OBJECTS | vars(math) | vars(known_models) | globals()
 
 
 def set_at_path(content, path, value):
