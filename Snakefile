@@ -40,7 +40,7 @@ rule all:
 
 rule paper:
     input:
-        [getattr(rules, x).input for x in targets.PAPER_TARGETS if not targets.refusal(x, CONFIG)],
+        [getattr(rules, x).input for x in targets.PAPER_TARGETS if not targets.refusal_reason(x, CONFIG)],
 
 
 onstart:

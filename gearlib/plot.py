@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 
-@style.styled()
+@style.rc_context()
 def resonance(*sweeps, axes=None, labels=None, variable=None):
     """Draw resonance characteristics, with lines for periodic motions and markers for others.
 
@@ -81,12 +81,12 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
         names = ("dynamic_factor" if "dynamic_factor" in sweeps[0] else "peak_force_ratio",)
     # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "tuning", "caller": "resonance", "source": "sweep"}
-    curves = plot_curves.curves(sweeps, labels, (*names, "period"), **sources)
-    axes = plot_curves.axes_or_new(axes)
+    curves = plot_curves.create_curves(sweeps, labels, (*names, "period"), **sources)
+    axes = plot_curves.get_axes(axes)
     sorted_sweeps = [curve.data.sortby("tuning") for curve in curves]
-    ranges = [resonance_figure.shown_range(sweep, names) for sweep in sorted_sweeps]
-    axes.set_ylim(style.limits(*ranges))
-    axes.set_xlim(style.limits(*(sweep.tuning for sweep in sorted_sweeps), margin=0.0))
+    ranges = [resonance_figure.visible_range(sweep, names) for sweep in sorted_sweeps]
+    axes.set_ylim(style.axis_limits(*ranges))
+    axes.set_xlim(style.axis_limits(*(sweep.tuning for sweep in sorted_sweeps), margin=0.0))
     for number, (curve, sweep) in enumerate(zip(curves, sorted_sweeps, strict=True)):
         # Markers of each curve are shifted along the line, so that equal curves stay visible.
         marker_shift = number / len(curves)
@@ -98,15 +98,17 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     # The scale of speed is drawn if all curves have the same speed per tuning.
     speed_ratios = {float(s.speed[-1] / s.tuning[-1]) for s in sorted_sweeps if "speed" in s}
     if len(speed_ratios) == 1 and plot_curves.have_si_units(curves):
-        style.second_scale(axes, speed_ratios.pop(), panels.axis_label(sorted_sweeps[0].speed))
+        style.add_secondary_axis(
+            axes, speed_ratios.pop(), panels.axis_label(sorted_sweeps[0].speed)
+        )
     if names == resonance_figure.EXTREMA:
         axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
-        plot_curves.shade_backlash(axes, curves, "y")
-        plot_curves.add_si_scale(axes, curves, "displacement", "right")
+        plot_curves.shade_lost_contact(axes, curves, "y")
+        plot_curves.add_si_axis(axes, curves, "displacement", "right")
     return plot_curves.add_legend(axes)
 
 
-@style.styled()
+@style.rc_context()
 def phase_plane(*runs, axes=None, labels=None):
     """Draw velocities over displacements; a periodic motion is a closed curve.
 
@@ -133,27 +135,27 @@ def phase_plane(*runs, axes=None, labels=None):
     names = ("displacement", "velocity")
     # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "phase", "caller": "phase_plane", "source": "simulate"}
-    curves = plot_curves.curves(runs, labels, names, **sources)
-    axes = plot_curves.axes_or_new(axes)
+    curves = plot_curves.create_curves(runs, labels, names, **sources)
+    axes = plot_curves.get_axes(axes)
     for curve in curves:
         displacements, velocities = motions_figure.closed_orbit(curve.data)
-        line = curve.style.line
+        line = curve.style.line_style
         if "stable" in curve.data:
             line = "-" if curve.data.stable else style.DASHED
         options = {"color": curve.style.colour, "linestyle": line}
         axes.plot(displacements, velocities, label=curve.label, **options)
     # With moving bearings the backlash varies and has no fixed limit in this plane.
     if not any("coast_line" in run for run in runs):
-        plot_curves.shade_backlash(axes, curves, "x")
+        plot_curves.shade_lost_contact(axes, curves, "x")
     displacement, velocity = curves[0].data.displacement, curves[0].data.velocity
     axes.set_xlabel(panels.axis_label(displacement, width=50))
-    plot_curves.add_si_scale(axes, curves, "displacement", "top")
+    plot_curves.add_si_axis(axes, curves, "displacement", "top")
     axes.set_ylabel(panels.axis_label(velocity, width=50))
-    plot_curves.add_si_scale(axes, curves, "velocity", "right")
+    plot_curves.add_si_axis(axes, curves, "velocity", "right")
     return plot_curves.add_legend(axes)
 
 
-@style.styled()
+@style.rc_context()
 def time_course(*runs, axes=None, labels=None, variable="displacement"):
     """Draw a variable over the mesh periods, with the changes of contact.
 
@@ -182,13 +184,13 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     """
     # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "phase", "caller": "time_course", "source": "simulate"}
-    curves = plot_curves.curves(runs, labels, (variable,), **sources)
-    axes = plot_curves.axes_or_new(axes)
+    curves = plot_curves.create_curves(runs, labels, (variable,), **sources)
+    axes = plot_curves.get_axes(axes)
     period_limits = []
     for curve in curves:
-        run = panels.in_mesh_periods(curve.data)
+        run = panels.phase_to_mesh_periods(curve.data)
         periods, values = run.phase.values, run[variable].values
-        options = {"color": curve.style.colour, "linestyle": curve.style.line}
+        options = {"color": curve.style.colour, "linestyle": curve.style.line_style}
         axes.plot(periods, values, label=curve.label, **options)
         period_limits += [periods[0], periods[-1]]
         if "event_phase" in run and "mesh" not in run.coords:
@@ -203,12 +205,12 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     axes.set_ylabel(panels.axis_label(run[variable], width=45))
     frequency = plot_curves.common_scalar(curves, "mesh_frequency")
     if frequency is not None and plot_curves.have_si_units(curves):
-        style.second_scale(axes, 1e3 * math.tau / frequency, "time (ms)")
-    plot_curves.add_si_scale(axes, curves, variable, "right")
+        style.add_secondary_axis(axes, 1e3 * math.tau / frequency, "time (ms)")
+    plot_curves.add_si_axis(axes, curves, variable, "right")
     return plot_curves.add_legend(axes)
 
 
-@style.styled()
+@style.rc_context()
 def run_up(*runs, axes=None, labels=None, variable=None):
     """Draw a variable of each revolution of run-ups over the speed, dotted where the speed falls.
 
@@ -236,8 +238,8 @@ def run_up(*runs, axes=None, labels=None, variable=None):
     names = (variable,) if variable else ("dynamic_force_max", "dynamic_force_min")
     # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "revolution", "caller": "run_up", "source": "run_up"}
-    curves = plot_curves.curves(runs, labels, (*names, "revolution_speed"), **sources)
-    axes = plot_curves.axes_or_new(axes)
+    curves = plot_curves.create_curves(runs, labels, (*names, "revolution_speed"), **sources)
+    axes = plot_curves.get_axes(axes)
     variables = [
         curve.data[variable] if variable else motions.largest_force(curve.data) for curve in curves
     ]
@@ -249,11 +251,11 @@ def run_up(*runs, axes=None, labels=None, variable=None):
         options = {"color": curve.style.colour, "label": curve.label}
         style.draw_solid_and_dotted(axes, speed, values.values / unit_size, is_falling, **options)
     axes.set_xlabel("speed (rpm)")
-    axes.set_ylabel(panels.axis_label(panels.in_unit(variables[0], unit_size, unit), width=45))
+    axes.set_ylabel(panels.axis_label(panels.convert_unit(variables[0], unit_size, unit), width=45))
     return plot_curves.add_legend(axes)
 
 
-@style.styled()
+@style.rc_context()
 def campbell(diagram, *, axes=None, to=None):
     """Draw the natural frequencies of a train and the mesh frequencies over the speed.
 
@@ -277,10 +279,12 @@ def campbell(diagram, *, axes=None, to=None):
     ValueError
         If the dataset is not a Campbell diagram, or has no line of a mesh frequency.
     """
-    plot_curves.require("campbell", diagram, ("critical_speed", "excites"), "GearTrain.campbell")
+    plot_curves.require_variables(
+        "campbell", diagram, ("critical_speed", "excites"), "GearTrain.campbell"
+    )
     if not diagram.critical_speed.size:
         raise ValueError("the diagram has no order of a mesh frequency: it must have one or more")
-    axes = plot_curves.axes_or_new(axes)
+    axes = plot_curves.get_axes(axes)
     to = 1.02 * float(diagram.critical_speed.max()) if to is None else to
     max_speed = parameters.check("to", to, Speed)
     handles = trains_figure.draw_orders(axes, diagram, max_speed)
@@ -288,7 +292,7 @@ def campbell(diagram, *, axes=None, to=None):
     return axes
 
 
-@style.styled()
+@style.rc_context()
 def gearbox(box, *, axes=None):
     """Draw a gearbox from the side: shafts with sections, and gears coloured by stage, to scale.
 
@@ -312,12 +316,12 @@ def gearbox(box, *, axes=None):
     outline = box.outline()
     if not outline.sizes["part"]:
         raise ValueError("the gearbox cannot be drawn: its shafts must have a support_vector")
-    axes = plot_curves.axes_or_new(axes)
+    axes = plot_curves.get_axes(axes)
     gearbox_figure.draw_outline(axes, outline)
     return axes
 
 
-@style.styled()
+@style.rc_context()
 def schematic(train, *, run=None, phase=None, axes=None):
     """Draw a train seen along its axes: pitch circles, shafts, carriers and labelled meshes.
 
@@ -351,15 +355,15 @@ def schematic(train, *, run=None, phase=None, axes=None):
         message = f"train = {train!r} is not allowed: it must be a gearlib.GearTrain"
         raise ValueError(message) from None
     if run is not None:
-        plot_curves.require("schematic", run, ("contact", "status"), "simulate")
+        plot_curves.require_variables("schematic", run, ("contact", "status"), "simulate")
     # The phase gets its default here; `contact` is None without a run.
-    phase, contact = train_schematic.phase_and_contact(layout, run, phase)
-    axes = plot_curves.axes_or_new(axes)
-    train_schematic.draw(axes, layout, None, phase, contact)
+    phase, contact = train_schematic.select_phase_and_contact(layout, run, phase)
+    axes = plot_curves.get_axes(axes)
+    train_schematic.draw_schematic(axes, layout, None, phase, contact)
     return axes
 
 
-@style.styled()
+@style.rc_context()
 def harris_map(errors, *, axes=None):
     """Draw the static transmission error over two mesh periods, a curve for each torque.
 
@@ -382,7 +386,7 @@ def harris_map(errors, *, axes=None):
     ValueError
         If the dataset has no transmission error over torque and phase.
     """
-    plot_curves.require(
+    plot_curves.require_variables(
         "harris_map", errors, ("transmission_error", "torque"), "geometry.GearStage"
     )
     if errors.transmission_error.ndim != 2:
@@ -390,7 +394,7 @@ def harris_map(errors, *, axes=None):
             f"transmission_error over {errors.transmission_error.dims} is not allowed: it must be "
             "over torque and phase; select one value of each other dimension by `sel`"
         )
-    axes = plot_curves.axes_or_new(axes)
+    axes = plot_curves.get_axes(axes)
     design = float(errors.get("design_torque", math.nan))
     data = errors.transpose("torque", "phase", ...)
     gear_geometry_figure.draw_errors(axes, data, data.torque.values, design)
@@ -399,7 +403,7 @@ def harris_map(errors, *, axes=None):
     return axes
 
 
-@style.styled()
+@style.rc_context()
 def values(data, *names, axes=None):
     """Draw variables with a common unit over their last dimension, with a marker for each value.
 
@@ -423,16 +427,16 @@ def values(data, *names, axes=None):
         If no name is given, or the dataset has no such variable over a dimension.
     """
     # Without names, `require` looks for a variable "names", so that it says "names is missing".
-    plot_curves.require("values", data, names or ("names",), "GearTrain.modes and others")
+    plot_curves.require_variables("values", data, names or ("names",), "GearTrain.modes and others")
     for name in names:
         if not data[name].ndim:
             raise ValueError(f"{name} is not allowed: it must be a variable over a dimension")
-    axes = plot_curves.axes_or_new(axes)
+    axes = plot_curves.get_axes(axes)
     *other_dims, last_dim = data[names[0]].dims
     labels_of_dims = []
     for dim in other_dims:
         is_text = data[dim].dtype.kind in "OU"
-        labels = data[dim].values.tolist() if is_text else style.number_texts(data[dim])
+        labels = data[dim].values.tolist() if is_text else style.format_numbers(data[dim])
         labels_of_dims.append(labels)
     curves = {}
     for name in names:
@@ -451,13 +455,13 @@ def values(data, *names, axes=None):
     axes.set_xlabel(last_dim.replace("_", " "))
     label = panels.axis_label(data[names[0]], width=45)
     axes.set_ylabel(label if len(names) == 1 else ", ".join(names).replace("_", " "))
-    axes.set_ylim(style.limits(*curves.values()))
+    axes.set_ylim(style.axis_limits(*curves.values()))
     if len(curves) > 1:
         axes.legend(title=" and ".join(other_dims).replace("_", " "))
     return axes
 
 
-@style.styled()
+@style.rc_context()
 def orbit(*orbits, axes=None, labels=None):
     """Draw periodic orbits in the phase plane, or branches of orbits over their parameter.
 
@@ -495,8 +499,8 @@ def orbit(*orbits, axes=None, labels=None):
     names = ("displacement_max", "stable", "label")
     # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "point", "caller": "orbit", "source": "continue_orbit"}
-    curves = plot_curves.curves(orbits, labels, names, **sources)
-    axes = plot_curves.axes_or_new(axes)
+    curves = plot_curves.create_curves(orbits, labels, names, **sources)
+    axes = plot_curves.get_axes(axes)
     parameter = orbits[0].attrs.get("parameter", "tuning")
     for curve in curves:
         # `draw_curve` needs the variables "tuning" and "branch". The parameter of a branch may have
@@ -511,7 +515,7 @@ def orbit(*orbits, axes=None, labels=None):
     axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
     # The codes of special points (fold, period doubling, ...) decide which entries are needed.
     codes = np.concatenate([branch.label for branch in orbits])
-    axes.legend(handles=branches_figure.legend_entries(codes))
+    axes.legend(handles=branches_figure.legend_handles(codes))
     return axes
 
 

@@ -118,7 +118,7 @@ def invalid_values(annotation, format_value):
     `index` is the position of the forbidden entry in a list, such as "[1]", else empty.
     `format_value` formats a value as in error messages, which differ between files and calls.
     """
-    in_file = format_value is validation.as_text
+    in_file = format_value is validation.format_value
     (base, metadata), requirement = (
         p.split_annotation(annotation),
         p.describe_requirement(annotation, in_file),
@@ -155,7 +155,7 @@ def invalid_lists(annotation, format_value):
     """Yield lists with one forbidden entry or repeated entries, in the form of `invalid_values`."""
     base, metadata = p.split_annotation(annotation)
     entries = example_value(annotation)
-    if "a list" in p.describe_requirement(annotation, format_value is validation.as_text):
+    if "a list" in p.describe_requirement(annotation, format_value is validation.format_value):
         for value, index, problem in invalid_values(get_args(base)[0], format_value):
             yield [*entries[1:], value], f"[{len(entries) - 1}]{index}", problem
     if any("uniqueItems" in (getattr(x, "json_schema_extra", 0) or ()) for x in metadata):

@@ -44,5 +44,5 @@ def draw():
 
 
 if __name__ == "__main__":
-    with style.styled():
+    with style.rc_context():
         style.save(draw(), Path(__file__).parents[1] / "images" / "home.png")

@@ -39,7 +39,7 @@ def load(mapping: dict) -> Any:
     from gearlib.config.configuration import Config
 
     if isinstance(mapping, dict) and "gearbox" in mapping:
-        mapping = _with_unused_pair(mapping)
+        mapping = _add_unused_pair(mapping)
     if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
         raise ConfigError(
             "gears and gear_pair are not allowed together: it must be either the geometry of the "
@@ -49,11 +49,11 @@ def load(mapping: dict) -> Any:
         completed, context = defaults.add_defaults(mapping)
         return Config.model_validate(completed, context=context)
     except ValidationError as error:
-        messages = validation.sentences(error, Config, mapping)
+        messages = validation.error_messages(error, Config, mapping)
         raise ConfigError("\n".join(messages)) from None
 
 
-def _with_unused_pair(mapping: dict) -> dict:
+def _add_unused_pair(mapping: dict) -> dict:
     """Return a configuration that has a gearbox, with a gear pair added if it has none.
 
     `mapping` is the content of a YAML file. The added pair (the gear pair of the paper) and its
@@ -70,7 +70,7 @@ def _with_unused_pair(mapping: dict) -> dict:
     return {"gear_pair": pair, "dampings": dampings, "targets": ["gearbox"]} | mapping
 
 
-def unknown_sections(mapping: dict) -> list[str]:
+def unknown_section_messages(mapping: dict) -> list[str]:
     """Return an error message for each top-level key of `mapping` that is not allowed.
 
     `mapping` is the content of a YAML file. Allowed keys are the fields of the class `Config`.
@@ -78,7 +78,9 @@ def unknown_sections(mapping: dict) -> list[str]:
     from gearlib.config.configuration import Config
 
     unknown_keys = [key for key in mapping if key not in Config.model_fields]
-    return [validation.unknown_key(Config, Config, (key,), mapping[key]) for key in unknown_keys]
+    return [
+        validation.unknown_key_message(Config, Config, (key,), mapping[key]) for key in unknown_keys
+    ]
 
 
 def overlay(base: dict, changes: dict) -> dict:

@@ -166,10 +166,10 @@ class Config(Section):
             target_names = [] if is_default else ["tolerances"]
         targets_by_reason: dict[str, list[str]] = {}
         for name in target_names:
-            reason = targets.refusal(name, self)
+            reason = targets.refusal_reason(name, self)
             if reason:
                 targets_by_reason.setdefault(reason, []).append(name)
-        return [targets.with_target_names(*item) for item in targets_by_reason.items()]
+        return [targets.append_target_names(*item) for item in targets_by_reason.items()]
 
     def train_damping_errors(self) -> list[str]:
         """Return a list with an error message if the train lacks a mesh damping that targets need.
@@ -179,7 +179,7 @@ class Config(Section):
         """
         names = [name for name in self.computed_targets() if name in targets.TRAIN_TARGETS]
         reason = targets.mesh_damping_error(self)
-        return [targets.with_target_names(reason, names)] if reason and names else []
+        return [targets.append_target_names(reason, names)] if reason and names else []
 
     def computed_targets(self) -> list[str]:
         """Return the names of the targets to compute, without targets that do not fit the gears.
@@ -193,7 +193,7 @@ class Config(Section):
             names.append("train_sweep")
         if self.measured:
             names.append("measured")
-        return [name for name in dict.fromkeys(names) if not targets.refusal(name, self)]
+        return [name for name in dict.fromkeys(names) if not targets.refusal_reason(name, self)]
 
     @property
     def periods(self) -> int:
@@ -208,7 +208,7 @@ class Config(Section):
     def pair(self, damping: str | Damping | None = None, change: Any = None) -> dict:
         """Return a dict that describes the gear pair with one of its damping combinations.
 
-        It has the key "model", which is "pair", and the arguments from which `from_values.model`
+        It has the key "model", which is "pair", and the arguments from which `from_values.build_model`
         builds the model. `damping` is a section with damping coefficients or the name of one in the
         configuration; None means no damping. `change` is a section with other values for some
         parameters of the pair, or None.
@@ -223,7 +223,7 @@ class Config(Section):
                 description |= section.model_dump()
         return description
 
-    def gears_model(self, damping: str, kind: str = "", pitch_errors: bool = False) -> dict:
+    def model_description(self, damping: str, kind: str = "", pitch_errors: bool = False) -> dict:
         """Return a dict that describes a model of the gears with the named damping.
 
         `kind` is the model: "teeth" (each pair of teeth deforms by itself), "rectangle" (a mesh
@@ -236,7 +236,7 @@ class Config(Section):
         if kind == "teeth":
             section = {
                 "gears": self.gears.geometry_dict(),
-                "damping": self.dampings[damping].given(),
+                "damping": self.dampings[damping].configured_values(),
             }
             return {"model": "teeth", "pitch_errors": pitch_errors} | section
         if kind == "train":
@@ -286,7 +286,7 @@ class Config(Section):
         # Tolerances may also be stated for ratios, such as the damping ratio, which follow from the
         # parameters.
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}
-        if self.tolerances.concern_geometry():
+        if self.tolerances.apply_to_geometry():
             stage = self.gears.geometry_dict()
             nominal_values |= stage
             for gear in ("pinion", "wheel"):

@@ -211,4 +211,4 @@ def _damping_colours(dampings: Iterable[str], configured: dict[str, str]) -> dic
         colour for colour in map(str, configured.values()) if re.fullmatch(COLOUR_PATTERN, colour)
     ]
     names = [name for name in dampings if name not in configured]
-    return configured | dict(zip(names, colours.of_categories(used_colours), strict=False))
+    return configured | dict(zip(names, colours.distinct_colours(used_colours), strict=False))

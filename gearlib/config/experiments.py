@@ -8,7 +8,15 @@ from gearlib import checks, tunings
 from gearlib import parameters as p
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import Damping, MeshCase
-from gearlib.config.types import Distinct, Section, check_unique, field, grid_base, integer, list_of
+from gearlib.config.types import (
+    Distinct,
+    Section,
+    check_unique,
+    field,
+    grid_with_defaults,
+    integer,
+    list_of,
+)
 from gearlib.engines.summary_columns import COLUMNS
 
 #: Largest number of tunings of the resonance; it catches a mistyped step.
@@ -19,7 +27,7 @@ _Range = list_of(p.Finite, 2)
 _RANGE = "Lowest and highest initial value."
 
 
-class Resonance(grid_base(0.5, 1.4, 0.0005)):
+class Resonance(grid_with_defaults(0.5, 1.4, 0.0005)):
     """The resonance characteristic (Fig. 3), in windows; by default with the speed of `gears`."""
 
     window: t.Tuning = field("Tunings of one job of a cold sweep; a whole multiple of step.", 0.9)
@@ -41,7 +49,7 @@ class Resonance(grid_base(0.5, 1.4, 0.0005)):
         the section itself, as pydantic expects.
         """
         self.check_steps("step", MAX_TUNINGS)
-        is_multiple = tunings.steps(0.0, self.window, self.step) % 1 == 0
+        is_multiple = tunings.count_steps(0.0, self.window, self.step) % 1 == 0
         allowed = f"a whole multiple of step = {self.step:.12g}"
         checks.require(is_multiple, "window", self.window, allowed)
         return self
@@ -65,7 +73,7 @@ class PhasePlanes(Section):
     tunings: Distinct[t.Tuning] = field("Tunings, a row each.", [0.6, 0.66, 0.78, 0.8, 0.81, 0.82])
 
 
-class PhaseLag(grid_base(0.56, 0.79, 0.005)):
+class PhaseLag(grid_with_defaults(0.56, 0.79, 0.005)):
     """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
 
     material_dampings: Distinct[p.Damping] = field(
@@ -77,7 +85,7 @@ class PhaseLag(grid_base(0.56, 0.79, 0.005)):
     periods: _SettlingPeriods = field("Mesh periods of a run, to settle.", 6000)
 
 
-class Jump(t.SeededStarts, grid_base(0.78, 0.86, 0.001)):
+class Jump(t.SeededStarts, grid_with_defaults(0.78, 0.86, 0.001)):
     """Jump of the motion from rest between two orbits, and what moves it (beside Fig. 6)."""
 
     damping: t.DampingName = None
@@ -105,7 +113,7 @@ class Jump(t.SeededStarts, grid_base(0.78, 0.86, 0.001)):
     )
 
 
-class AnalyticMethod(grid_base(0.3, 1.5, 0.02)):
+class AnalyticMethod(grid_with_defaults(0.3, 1.5, 0.02)):
     """The paper's analytic method and harmonic balance against exact orbits."""
 
     damping: t.DampingName = None
@@ -122,7 +130,7 @@ class AnalyticMethod(grid_base(0.3, 1.5, 0.02)):
     )
 
 
-class NonlinearDamping(grid_base(0.5, 1.4, 0.004)):
+class NonlinearDamping(grid_with_defaults(0.5, 1.4, 0.004)):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
 
     damping: t.PositiveDamping = field("Linear coefficient, N s/m. Default: the largest.", None)
@@ -146,7 +154,7 @@ class ParametricResonance(t.Grid):
     )
 
 
-class Labels(grid_base(0.5, 1.4, 0.01)):
+class Labels(grid_with_defaults(0.5, 1.4, 0.01)):
     """Labels of the motion from rest, chaos or artefact, marked in Fig. 3."""
 
     periods: _SettlingPeriods = field("Mesh periods of a run, to settle.", 1500)
@@ -355,7 +363,7 @@ class Basins(_InitialStates):
         return self
 
 
-class Bifurcation(_InitialStates, grid_base(0.45, 0.95, 0.001)):
+class Bifurcation(_InitialStates, grid_with_defaults(0.45, 0.95, 0.001)):
     """Bifurcation diagram over the tuning, Lyapunov exponents and shares of the basins."""
 
     damping: Damping = field("Damping. Default: the first one with material damping.", None)
@@ -400,7 +408,7 @@ class FixedStepMethod(Section):
 _ALPHA = {"method": "generalised_alpha"}
 
 
-class StabilityChart(grid_base(0.2, 2.6, 0.02)):
+class StabilityChart(grid_with_defaults(0.2, 2.6, 0.02)):
     """Spectral radii of fixed-step methods on the mesh without contact loss."""
 
     damping: t.DampingName = field("One of the dampings. Default: the lightest.", None)

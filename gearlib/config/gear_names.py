@@ -9,12 +9,12 @@ from pydantic import ValidationError
 from gearlib.config.gear_pair_section import GearPairSection
 from gearlib.config.gears_section import FZG_C
 from gearlib.models.geometry.iso import METHOD_NAMES
-from gearlib.models.profiles import profile_of
+from gearlib.models.profiles import create_profile
 
 _TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 
 
-def name_of_stage(pair: Any, modified: bool = True, pitch_errors: bool = True) -> str:
+def gear_stage_name(pair: Any, modified: bool = True, pitch_errors: bool = True) -> str:
     """Return the name of gears given by geometry: "gear pair z 23/61, m 2.5 mm, tip relief".
 
     `pair` is a `StageSection`, z stands for the numbers of teeth and m for the normal module.
@@ -57,47 +57,47 @@ def parameters_differ(base: dict, changed: dict) -> bool:
     return pairs[0].name != pairs[1].name
 
 
-def name_of_pair(config: Any, modified: bool = True, pitch_errors: bool = True) -> str:
+def gear_pair_name(config: Any, modified: bool = True, pitch_errors: bool = True) -> str:
     """Return the name of the gear pair of a configuration, for titles and captions.
 
     For gears given by geometry, `modified` is False if a computation ignores their tip reliefs and
     pitch errors, and `pitch_errors` is False if it ignores pitch errors; the name then says so.
     """
     if config.gears:
-        return name_of_stage(config.gears, modified, pitch_errors)
+        return gear_stage_name(config.gears, modified, pitch_errors)
     return config.gear_pair.name
 
 
-def name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) -> str:
+def gear_pair_name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) -> str:
     """Return the name of the gear pair of a configuration with its model of stiffness.
 
     The model is that of single pairs of teeth if `teeth`, else a stiffness that alternates between
     two values (the rectangle). Only the name of gears given by geometry states it, with the method
     that computes the stiffness. `pitch_errors` is False if the computation ignores pitch errors.
     """
-    gears, name = config.gears, name_of_pair(config, modified=teeth, pitch_errors=pitch_errors)
+    gears, name = config.gears, gear_pair_name(config, modified=teeth, pitch_errors=pitch_errors)
     if config.profile:
-        name += f"; {profile_of(**config.profile.model_dump()).description}"
+        name += f"; {create_profile(**config.profile.model_dump()).description}"
     if gears is None:
         return name
     # By default pairs of teeth use the method that suits the geometry, and the rectangle ISO 6336.
     method = gears.stiffness or (gears.mesh().tooth_stiffness if teeth else "iso")
     name += f"; {'pairs of teeth' if teeth else 'rectangle'}, {METHOD_NAMES[method]}"
-    return name + (unused_options(gears) if teeth else "")
+    return name + (describe_unused_options(gears) if teeth else "")
 
 
-def unused_options(gears: Any) -> str:
+def describe_unused_options(gears: Any) -> str:
     """Return text on the configured stiffness options that pairs of teeth do not use, else ""."""
     names = {*(gears.stiffness_options or ())} & {"hertz", "application_factor"}
     return f", without {' and '.join(sorted(names))}" if names else ""
 
 
-def name_of_reducer(config: Any) -> str:
+def reducer_name(config: Any) -> str:
     """Return the name of the reducer of the section `reducer`, whose meshes are the gear pair."""
-    return _reducer_name(config, config.reducer.teeth)
+    return _format_reducer_name(config, config.reducer.teeth)
 
 
-def _reducer_name(config: Any, teeth: Sequence[int] | None) -> str:
+def _format_reducer_name(config: Any, teeth: Sequence[int] | None) -> str:
     """Return the name of a reducer whose meshes are all the gear pair of the configuration.
 
     `teeth` are the numbers of teeth of its gears from input to output; None means those of the
@@ -105,10 +105,10 @@ def _reducer_name(config: Any, teeth: Sequence[int] | None) -> str:
     """
     is_paper = not teeth or list(teeth) == type(config.reducer).model_fields["teeth"].default
     name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {'/'.join(map(str, teeth))}"
-    return f"{name}, every mesh: {name_of_pair(config, modified=False)}"
+    return f"{name}, every mesh: {gear_pair_name(config, modified=False)}"
 
 
-def name_of_train(config: Any) -> str:
+def train_name(config: Any) -> str:
     """Return the name of the gear train of a configuration, for titles and captions.
 
     `config.train.kind` is the name of the section that describes the train; "own" is a train of the
@@ -125,12 +125,12 @@ def name_of_train(config: Any) -> str:
     if kind == "own":
         return f"own train, {len(section.bodies)} bodies, {len(section.meshes)} meshes"
     if kind == "split_power_reducer":
-        return _reducer_name(config, section.teeth)
+        return _format_reducer_name(config, section.teeth)
     teeth = f" z {'/'.join(map(str, section.teeth))}" if section.teeth else ""
-    pair_name = name_of_pair(config, modified=False)
+    pair_name = gear_pair_name(config, modified=False)
     return f"{_TRAIN_NAMES[kind]}{teeth}, both meshes: {pair_name}"
 
 
 def is_paper(config: Any) -> bool:
     """Return whether the gear pair of a configuration is the paper's, with its rectangle."""
-    return name_of_pair(config) == "paper's pair" and config.profile is None
+    return gear_pair_name(config) == "paper's pair" and config.profile is None

@@ -65,7 +65,7 @@ class Damping(_Coefficients):
     logarithmic_decrement: _DampingRatio = field("delta = 2 pi beta / sqrt(1 - beta^2).", None)
     backlash_damping_ratio: _DampingRatio = field("beta_m: backlash_damping likewise.", None)
     #: The coefficients or ratios of the configuration; a ratio holds for each model of the gears.
-    _given: dict = PrivateAttr({})
+    _configured_values: dict = PrivateAttr({})
 
     @model_validator(mode="after")
     def _to_coefficients(self, info: ValidationInfo) -> "Damping":
@@ -83,7 +83,7 @@ class Damping(_Coefficients):
             keys = [coefficient_key, *ratio_keys]
             values = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
             if not values:
-                raise self.missing(coefficient_key)
+                raise self.missing_key_error(coefficient_key)
             if len(values) > 1:
                 first_key, *other_keys = values
                 problem = (
@@ -105,16 +105,16 @@ class Damping(_Coefficients):
             coefficients[coefficient_key] = value
         # The values are checked already, so that the section is made without validation.
         damping = Damping.model_construct(**coefficients) if pair else self
-        damping._given = given
+        damping._configured_values = given
         return damping
 
-    def given(self) -> dict[str, float]:
+    def configured_values(self) -> dict[str, float]:
         """Return the damping as the configuration states it, as a dict: key -> value.
 
         The keys are those of coefficients (N s/m) or of ratios. A damping that was created in the
         program, without a configuration, has its coefficients.
         """
-        return dict(self._given) or self.model_dump(include=set(DAMPINGS))
+        return dict(self._configured_values) or self.model_dump(include=set(DAMPINGS))
 
 
 _PROFILE_SECTIONS = [
@@ -222,5 +222,5 @@ class SixDegrees(Section):
         """
         for key in ("base_radii", "inertias", "masses"):
             if getattr(self, key) is None:
-                raise self.missing(key)
+                raise self.missing_key_error(key)
         return self

@@ -282,7 +282,7 @@ class DynamicFactor(Section):
         return self
 
 
-def takes_configured_gears(config: Any, section_name: str) -> bool:
+def uses_configured_gears(config: Any, section_name: str) -> bool:
     """Return whether a section without gears of its own uses those of the section `gears`.
 
     `section_name` is a key of `GEARS_KEYS`, such as "harris_map".
@@ -297,7 +297,7 @@ def stage_sections(config: Any, section_name: str) -> dict[str, StageSection]:
     `section_name` is a key of `GEARS_KEYS`, such as "harris_map". If this section states no gears,
     they are the gears of the section `gears` of the configuration.
     """
-    if not takes_configured_gears(config, section_name):
+    if not uses_configured_gears(config, section_name):
         pairs = getattr(getattr(config, section_name), GEARS_KEYS[section_name])
         return pairs if isinstance(pairs, dict) else {section_name: pairs}
     torque = config.gears.driving_torque()
@@ -312,7 +312,7 @@ def configured_gears_error(config: Any, section_name: str) -> str:
     `section_name` is the section of the study, a key of `GEARS_KEYS`. There is no reason if it
     states gears of its own.
     """
-    if not takes_configured_gears(config, section_name):
+    if not uses_configured_gears(config, section_name):
         return ""
     # The stiffness methods that each study needs.
     methods = {"mesh_stiffness": ["iso", "energy"], "harris_map": [config.harris_map.stiffness]}

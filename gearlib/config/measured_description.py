@@ -16,10 +16,10 @@ from gearlib.checks import InputError, require
 from gearlib.config import types as t
 from gearlib.config import validation
 from gearlib.config.types import Section, field, list_of, quantity
-from gearlib.config.validation import sentences
+from gearlib.config.validation import error_messages
 from gearlib.data import measured_names
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.parameters import Finite, Load, numeric_parameters, requirement
+from gearlib.parameters import Finite, Load, describe_requirement, numeric_parameters
 
 #: Unit of channels with raw counts of a converter; unit of channels with dates and times of day.
 COUNTS, DATES = "counts", "ISO 8601"
@@ -88,7 +88,7 @@ def free_range(name, limits):
         return TypeAdapter(annotation).validate_python([*limits], context={})
     except ValidationError:
         raise InputError(
-            f"free.{name}", list(limits), requirement(annotation, in_file=True)
+            f"free.{name}", list(limits), describe_requirement(annotation, in_file=True)
         ) from None
 
 
@@ -162,7 +162,9 @@ class Channel(Section):
             with suppress(ValueError):
                 if cf_unit != "1":
                     # If `text` is one turn, it is divided into counts; else nothing is divided.
-                    return units.read(text, written_unit) / (self.counts_per_turn or 1), cf_unit
+                    return units.parse_quantity(text, written_unit) / (
+                        self.counts_per_turn or 1
+                    ), cf_unit
         unit_names = " or ".join(written_unit for _, written_unit in unit_pairs)
         zero = ", from absolute zero" if unit_names == "K" else ""
         allowed = f"a value in, or a unit of the dimension of {unit_names}{zero}, for {name}"
@@ -180,7 +182,7 @@ class Channel(Section):
         if isinstance(self.noise, str):
             (_, written_unit), *_ = measured_names.allowed_units(cf_unit)
             with suppress(ValueError):
-                noise = units.read(self.noise, written_unit)
+                noise = units.parse_quantity(self.noise, written_unit)
         elif not isinstance(self.noise, bool):
             # A factor may be negative, a standard deviation may not.
             noise = (self.noise or 0.0) * abs(factor)
@@ -258,7 +260,7 @@ class Description(Section):
             free_range(name, limits)  # This raises the error of wrong limits.
         return self
 
-    def files(self, path):
+    def table_paths(self, path):
         """Return a list with the path of the table, if any; `path` is the path of the YAML file."""
         return [] if self.data is None else [str(Path(path).parent / self.data)]
 
@@ -266,7 +268,7 @@ class Description(Section):
         """Return the names of the observables of all channels as a set."""
         return {channel.observableId or key for key, channel in self.channels.items()}
 
-    def has_courses(self):
+    def has_time_histories(self):
         """Return whether the set has time histories that were measured at constant speeds.
 
         The speed of such a history is stated in its condition and is not a channel of the table.
@@ -285,7 +287,7 @@ class Description(Section):
         has_times = "time" in names or suffix in _TIMED_FORMATS
         return has_times and "speed" in names and bool(names & _TIME_HISTORIES)
 
-    def unstated_properties(self):
+    def unknown_properties(self):
         """Return the names of those properties of the test rig that are not known.
 
         `known` is a section of the file with facts about the rig. A property, such as the
@@ -312,8 +314,8 @@ def read_sets(paths):
         other_path, _ = descriptions.get(name, ("", None))
         require(name not in descriptions, key, path, f"a file with another name than {other_path}")
         require(Path(path).is_file(), key, path, "a path of a YAML file")
-        description = read(path)
-        for table_path in description.files(path):
+        description = read_description(path)
+        for table_path in description.table_paths(path):
             if not Path(table_path).is_file():
                 raise ValueError(
                     f"{path}: {InputError('data', description.data, 'a file beside it')}"
@@ -322,7 +324,7 @@ def read_sets(paths):
     return descriptions
 
 
-def read(path):
+def read_description(path):
     """Return the `Description` of a measured set in a YAML file.
 
     Raise ValueError, whose message has all problems in the file, one per line.
@@ -333,5 +335,5 @@ def read(path):
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        problems = sentences(error, Description, content)
+        problems = error_messages(error, Description, content)
         raise ValueError("\n".join(f"{path}: {text}" for text in problems)) from None

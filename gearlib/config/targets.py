@@ -36,7 +36,7 @@ _NO_GEARBOX = "gearbox is missing: it must have the key file"
 WITH_PROFILE = ("resonance", "phase_planes", "run_ups", "labels", "measured")
 
 
-def refusal(target: str, config: Any) -> str:
+def refusal_reason(target: str, config: Any) -> str:
     """Return the reason why a target cannot be computed for a configuration, "" if it can.
 
     `target` is the name of a result of the workflow, such as "resonance". A reason is an error
@@ -49,16 +49,16 @@ def refusal(target: str, config: Any) -> str:
             f"profile = {config.profile.kind!r} is not allowed: it must be left out, or the target "
             f"be one of {', '.join(WITH_PROFILE)}"
         )
-    return _REFUSALS[target](config) if target in _REFUSALS else ""
+    return _REASON_FUNCTIONS[target](config) if target in _REASON_FUNCTIONS else ""
 
 
-def with_target_names(reason: str, target_names: Sequence[str]) -> str:
+def append_target_names(reason: str, target_names: Sequence[str]) -> str:
     """Return an error message: a reason, followed by the targets that it excludes."""
     plural = "s" if len(target_names) > 1 else ""
     return f"{reason}, for the target{plural} {', '.join(target_names)}"
 
 
-def installed(method: str) -> bool:
+def is_installed(method: str) -> bool:
     """Return whether the package that an integration method needs, if any, is installed."""
     return method not in METHOD_PACKAGES or find_spec(METHOD_PACKAGES[method]) is not None
 
@@ -192,7 +192,7 @@ def _tolerances_error(config: Any) -> str:
     """
     # The tolerances belong either all to the geometry or all to the gear pair, so that the message
     # names just the first one.
-    if config.tolerances.concern_geometry() and config.gears is None:
+    if config.tolerances.apply_to_geometry() and config.gears is None:
         name = config.tolerances.parameters[0].parameter
         return (
             f"tolerances.parameters[0].parameter = {name!r} is not allowed: it must be a parameter "
@@ -206,7 +206,7 @@ def _tolerances_error(config: Any) -> str:
 
 
 #: Target -> function of the configuration that returns the reason why it is refused, or "".
-_REFUSALS = {
+_REASON_FUNCTIONS = {
     "scenes": _scenes_error,
     "claims": _claims_error,
     "models": _scenes_error,

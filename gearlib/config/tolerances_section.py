@@ -63,7 +63,7 @@ def _to_si(key, value, unit):
     if not isinstance(value, str) or value.strip().endswith("%") or unit is None:
         return value
     try:
-        return units.read(value, unit.unit)
+        return units.parse_quantity(value, unit.unit)
     except ValueError:
         words = f" in {unit.unit} or a text with its unit such as {unit.example!r}"
         percentage = ", or a share such as '5 %'" if key.endswith(_DEVIATIONS) else ""
@@ -78,7 +78,7 @@ class Correlation(Section):
     rho: t.number(gt=-1, lt=1) = field("Correlation of their normal scores.")
 
 
-class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
+class Tolerances(t.grid_with_defaults(0.5, 1.4, 0.01), t.RecordedPeriods):
     """Scatter of jumps, contact loss and peaks with the tolerances of the gears."""
 
     damping: t.DampingName = None
@@ -146,7 +146,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         self._complete_tolerances("", dict.fromkeys(names, 1.0))
         return self
 
-    def concern_geometry(self):
+    def apply_to_geometry(self):
         """Return whether the tolerances are tolerances of the gear geometry.
 
         Then all parameters are parameters of the geometry, and at least one of them, such as a
@@ -162,7 +162,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         They are parameters of the geometry if one of the tolerances is, else those of the gear
         pair.
         """
-        is_geometry = self.concern_geometry()
+        is_geometry = self.apply_to_geometry()
         return tolerated.geometry_parameters() if is_geometry else tolerated.pair_parameters()
 
     def distributions(self, nominal_values):
@@ -193,7 +193,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         tolerances = {}
         for i, section in enumerate(self.parameters):
             key, name = f"{section_key}parameters[{i}]", section.parameter
-            tolerance = section.distribution_dict(key, self._known_parameters()[name].number)
+            tolerance = section.distribution_dict(key, self._known_parameters()[name].numeric_unit)
             nominal_value = nominal_values.get(name)
             if "distribution" not in tolerance:
                 tolerance = tolerated.complete_scatter(key, tolerance, model_value=nominal_value)
@@ -208,7 +208,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         """Return a dict: parameter name -> config key of its tolerance, for error messages."""
         return {x.parameter: f"tolerances.parameters[{i}]" for i, x in enumerate(self.parameters)}
 
-    def shards(self):
+    def shard_names(self):
         """Return the names of the shards, ranges of samples such as "0-256" without its end."""
         starts = range(0, self.samples, self.shard)
         return [f"{start}-{min(start + self.shard, self.samples)}" for start in starts]

@@ -17,7 +17,7 @@ from gearlib.config.gears_section import (
     WheelSection,
     spur_gear,
 )
-from gearlib.config.types import Section, create_section, field, grid_base, list_of
+from gearlib.config.types import Section, create_section, field, grid_with_defaults, list_of
 from gearlib.models.geometry.from_values import planetary_meshes
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.gear_stage import GearStage, torque_of
@@ -42,7 +42,7 @@ _Stage = create_section("_Stage", "", planetary.ParallelStage, exclude=("stage",
 GEOMETRY_KEYS = {*GeometryMesh.model_fields, "torque", "centre_distance"}
 
 
-def _rectangle(arguments: dict) -> dict:
+def _use_rectangular_stiffness(arguments: dict) -> dict:
     """Return the arguments of a mesh with the rectangle in place of single pairs of teeth.
 
     `arguments` are those of `GearStage.train_parameters`. The rectangle, a stiffness that
@@ -89,7 +89,7 @@ class PlanetarySet(_Set):
             planets = planetary_meshes(sun, planet, ring, **self.model_dump(include=layout_keys))
             arguments = self.arguments()
             mesh_keys = {*GeometryMesh.model_fields, "options"} & arguments.keys()
-            mesh_arguments = _rectangle({key: arguments[key] for key in mesh_keys})
+            mesh_arguments = _use_rectangular_stiffness({key: arguments[key] for key in mesh_keys})
             torque = arguments["torque"]
             sun_mesh_torque = torque / len(planets.positions)
             for mesh in (planets.sun_mesh, planets.ring_mesh):
@@ -142,7 +142,7 @@ class BodyPart(_Body):
         """Raise an error if a body without gear geometry lacks inertia or base radius."""
         for key in ("inertia", "base_radius"):
             if self.gear is None and getattr(self, key) is None:
-                raise self.missing(key)
+                raise self.missing_key_error(key)
         return self
 
 
@@ -207,7 +207,7 @@ class Own(Section):
             # `stiffness_arguments` adds them below.
             arguments = mesh.model_dump(include=GEOMETRY_KEYS - MethodSection.model_fields.keys())
             distance = arguments.pop("centre_distance", None)
-            arguments = _rectangle(arguments | mesh.stiffness_arguments())
+            arguments = _use_rectangular_stiffness(arguments | mesh.stiffness_arguments())
             # Names in errors -> keys of the configuration.
             places = {"pinion": keys[pinion], "wheel": keys[wheel]} | mesh.option_keys(f"{key}.")
             places["outer_diameter"] = f"{keys[wheel]}.outer_diameter"
@@ -266,7 +266,7 @@ class Train(Section):
         meshes, of which there must be at least one each.
         """
         if self.kind == "planetary_set" and self.planetary_set is None:
-            raise self.missing("planetary_set")
+            raise self.missing_key_error("planetary_set")
         if self.kind == "own":
             allowed = "a list of at least one entry where train.kind is own"
             for key in ("bodies", "meshes"):
@@ -303,7 +303,9 @@ class TrainFile(Section):
     train: Train
 
 
-class TrainSweep(t.IncreasingStarts, grid_base(0.5, 1.4, 0.01, t.NumericGrid), t.RecordedPeriods):
+class TrainSweep(
+    t.IncreasingStarts, grid_with_defaults(0.5, 1.4, 0.01, t.NumericGrid), t.RecordedPeriods
+):
     """Every mesh of the train of the section `train` over speed; the target of this name."""
 
     damping: t.DampingName = None
@@ -311,7 +313,9 @@ class TrainSweep(t.IncreasingStarts, grid_base(0.5, 1.4, 0.01, t.NumericGrid), t
     record_periods: t.RecordPeriods = 12
 
 
-class Reducer(t.IncreasingStarts, grid_base(0.74, 1.84, 0.02, t.NumericGrid), t.RecordedPeriods):
+class Reducer(
+    t.IncreasingStarts, grid_with_defaults(0.74, 1.84, 0.02, t.NumericGrid), t.RecordedPeriods
+):
     """Fig. 1 a: three double satellites between central gears, the gear pair as every mesh."""
 
     damping: t.DampingName = None

@@ -77,7 +77,7 @@ def _read_option(value):
     if isinstance(value, str):
         if re.fullmatch(r"[-+]?\d+", value):
             return int(value)
-        if units.NUMBER.fullmatch(value):
+        if units.NUMBER_PATTERN.fullmatch(value):
             return float(value)
         return {"true": True, "false": False}.get(value.lower(), value)
     if isinstance(value, int | float) and math.isfinite(value):
@@ -128,7 +128,7 @@ def _read_tuning(value, info):
     A tuning is the mesh frequency over the natural frequency of the gear pair. `info` has the
     context of the validation with this pair.
     """
-    rpm = units.rpm(value)
+    rpm = units.parse_rpm(value)
     if rpm is None:
         return value
     # `info.data` has the preceding keys of the section, such as `change` of a `MeshCase`.
@@ -147,7 +147,7 @@ def tuning_per_rpm(pair, change=None):
     return 2.0 * math.pi * pair.teeth / (60.0 * pair.mean_eigenfrequency)
 
 
-def quantity(unit, example="", infinite="", **bounds):
+def quantity(unit, example="", infinity_text="", **bounds):
     """Return the type of a number in the SI unit `unit`, with bounds such as gt=0.
 
     Error messages use `example`, a value in another unit. `infinite` says what an infinite value
@@ -242,10 +242,10 @@ class Section(pydantic.BaseModel):
         """Return the section as a dict without keys whose value is None."""
         return super().model_dump(exclude_none=True, **options)
 
-    def missing(self, key):
+    def missing_key_error(self, key):
         """Return an error which says that `key` is missing, and which values are allowed."""
-        annotation = parameters.place_of(type(self), (key,))[1]
-        return InputError(key, None, parameters.requirement(annotation, in_file=True))
+        annotation = parameters.resolve_location(type(self), (key,))[1]
+        return InputError(key, None, parameters.describe_requirement(annotation, in_file=True))
 
 
 def create_section(
@@ -264,7 +264,7 @@ def create_section(
         included = key in keys if keys else key not in {*exclude, *extra}
         if not included:
             continue
-        annotation = parameters.replace_class(parameter.annotation, _section_of)
+        annotation = parameters.replace_dataclass(parameter.annotation, _create_part_section)
         default, options = parameter.default, {}
         is_required = key in required or (default is parameters.MISSING and key not in optional)
         values = list(default) if isinstance(default, tuple) else [default]
@@ -280,7 +280,7 @@ def create_section(
 
 
 @cache
-def _section_of(part):
+def _create_part_section(part):
     """Return the section class for a class whose objects are parts of a model.
 
     Such a part is a `TipRelief`, for example.
@@ -297,8 +297,8 @@ def tuning(**bounds):
     A tuning is the mesh frequency over the natural frequency. A file may have a speed such as "1500
     rpm" in its place, which is converted.
     """
-    words = f"{parameters.requirement(number(**bounds))} or a speed such as '1500 rpm'"
-    schema = {"type": ["number", "string"], "pattern": f"^{units.RPM.pattern}$"}
+    words = f"{parameters.describe_requirement(number(**bounds))} or a speed such as '1500 rpm'"
+    schema = {"type": ["number", "string"], "pattern": f"^{units.RPM_PATTERN.pattern}$"}
     return Annotated[
         number(**bounds),
         BeforeValidator(_read_tuning),
@@ -351,7 +351,7 @@ class NumericGrid(Section):
         more than `max_tunings` tunings are not allowed.
         """
         step, tuning_range = getattr(self, step_key), self.stop - self.start
-        step_count = tunings.steps(self.start, self.stop, step)
+        step_count = tunings.count_steps(self.start, self.stop, step)
         allowed = f">= {tuning_range / max_tunings:.2g} to stay within {max_tunings:,} tunings"
         require(step_count < max_tunings, step_key, step, allowed)
         allowed = f"start = {self.start:.12g} plus a whole multiple of {step_key} = {step:.12g}"
@@ -378,7 +378,7 @@ class Grid(NumericGrid):
         keys = ("start", "stop", "step", "window", "fine_step", "share_step")
         section = dict(values) if isinstance(values, dict) else {}
         # None stands for a value that is not in rpm.
-        speeds = {key: units.rpm(section[key]) for key in keys if key in section}
+        speeds = {key: units.parse_rpm(section[key]) for key in keys if key in section}
         if {*speeds.values()} <= {None}:
             return values
         # Start, stop and step are needed in rpm as well, even where the file leaves them out.
@@ -402,7 +402,7 @@ class Grid(NumericGrid):
         return values | {key: float(value) for key, value in tuning_values.items()}
 
 
-def grid_base(start, stop, step, base=Grid):
+def grid_with_defaults(start, stop, step, base=Grid):
     """Return a base class of sections with a grid of tunings, which has these defaults.
 
     `start`, `stop` and `step` define the grid. The class is derived from `base`: `Grid`, in which

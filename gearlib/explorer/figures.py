@@ -39,13 +39,19 @@ class Figures:
         self.sources = defaultdict(lambda: ColumnDataSource({"x": [], "y": []}))
         self.table = pn.pane.Markdown("", width=290)
         self.resonance, self.marker = self._resonance_figure()
-        self.teeth_panes = [pane(plot) for plot in self._teeth_figures()] if by_geometry else []
+        self.teeth_panes = (
+            [figure_pane(plot) for plot in self._teeth_figures()] if by_geometry else []
+        )
 
     def rows(self) -> list:
         """Return the rows of the page as Panel objects: teeth, resonance curve, motion."""
-        rows = [beside(self.table, *self.teeth_panes)] if self.by_geometry else []
-        motion_panes = map(pane, self._motion_figures())
-        return [*rows, beside(pane(self.resonance, _LARGE_HEIGHT)), beside(*motion_panes)]
+        rows = [flex_row(self.table, *self.teeth_panes)] if self.by_geometry else []
+        motion_panes = map(figure_pane, self._motion_figures())
+        return [
+            *rows,
+            flex_row(figure_pane(self.resonance, _LARGE_HEIGHT)),
+            flex_row(*motion_panes),
+        ]
 
     def draw(self, view: View) -> str:
         """Draw the results of a view into all figures, and return its message.
@@ -57,18 +63,18 @@ class Figures:
         if self.by_geometry:
             self._draw_curves(view.curves)
         else:
-            for name, curve in (("up", view.up), ("down", view.down)):
-                self._set(name, curve.tuning.values, curve.displacement_max.values)
-                self._set(f"{name}_min", curve.tuning.values, curve.displacement_min.values)
+            for name, curve in (("up", view.sweep_up), ("down", view.sweep_down)):
+                self._set_points(name, curve.tuning.values, curve.displacement_max.values)
+                self._set_points(f"{name}_min", curve.tuning.values, curve.displacement_min.values)
         history = view.run.isel(phase=slice(-SHOWN_PERIODS * SAMPLES, None))
         phase, displacement = history.phase.values, history.displacement.values
-        self._set("plane", displacement, history.velocity.values)
-        self._set("history", phase - phase[0], displacement)
-        self._set("force", phase - phase[0], history.dynamic_force.values)
+        self._set_points("plane", displacement, history.velocity.values)
+        self._set_points("history", phase - phase[0], displacement)
+        self._set_points("force", phase - phase[0], history.dynamic_force.values)
         # Floquet multipliers are complex numbers, drawn as points of the complex plane.
-        self._set("multipliers", view.multipliers.real, view.multipliers.imag)
+        self._set_points("multipliers", view.multipliers.real, view.multipliers.imag)
         if view.orders is not None:
-            self._set("orders", *_stems(view.orders))
+            self._set_points("orders", *_stem_lines(view.orders))
         if self.by_geometry:
             self.marker.location = float(view.run.speed)
             self._draw_teeth(view)
@@ -85,11 +91,11 @@ class Figures:
         speed = curves.speed.values
         for name in ("up", "down"):
             curve = curves.sel(direction=name)
-            self._set(name, speed, curve.dynamic_factor.values)
-            self._set(f"{name}_error", speed, 1e6 * curve.error_peak_to_peak.values)
+            self._set_points(name, speed, curve.dynamic_factor.values)
+            self._set_points(f"{name}_error", speed, 1e6 * curve.error_peak_to_peak.values)
         iso = curves.get("iso_dynamic_factor")
         factors = np.full(speed.size, np.nan) if iso is None else iso.values
-        self._set("iso", speed, factors)
+        self._set_points("iso", speed, factors)
         # If the jumps up and down have equal speeds, the directions differ at this speed only.
         jump_up, jump_down = curves.jump_up_speed.values, curves.jump_down_speed.values
         is_wide = jump_up > jump_down
@@ -98,7 +104,7 @@ class Figures:
         # Vertical lines are separated by NaN; one NaN is appended for a curve without points.
         x = np.column_stack([jumps, jumps, np.full(jumps.size, np.nan)]).ravel()
         y = np.tile([0.0, max_factor, np.nan], jumps.size)
-        self._set("jumps", np.append(x, np.nan), np.append(y, np.nan))
+        self._set_points("jumps", np.append(x, np.nan), np.append(y, np.nan))
 
     def _draw_teeth(self, view: View) -> None:
         """Show the results of gear geometry: table of quantities, Harris map, and load share.
@@ -108,19 +114,19 @@ class Figures:
         """
         rows = [f"| {name} | {value} |" for name, value in derived_quantities(view)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
-        error = view.error
+        error = view.transmission_error
         # With pitch errors the curves span several mesh periods; their first point closes them.
-        period_count = len(view.mesh.pitch_errors)
+        period_count = len(view.stage.pitch_errors)
         phase = np.append(error.phase.values / math.tau, period_count)
         for name, curve in zip(self.harris_names, error.transmission_error.values, strict=True):
-            self._set(name, phase, 1e6 * np.append(curve, curve[0]))
-        self._set("share", *_load_share_along_path(error, error.phase.size // period_count))
+            self._set_points(name, phase, 1e6 * np.append(curve, curve[0]))
+        self._set_points("share", *_load_share_along_path(error, error.phase.size // period_count))
 
-    def _set(self, name: str, x, y) -> None:
+    def _set_points(self, name: str, x, y) -> None:
         """Set the points of the curve `name`."""
         self.sources[name].data = {"x": x, "y": y}
 
-    def _plot(self, title: str, x: str, y: str, *lines, **options):
+    def _create_plot(self, title: str, x: str, y: str, *lines, **options):
         """Return a Bokeh figure with the axis labels `x` and `y`, and a curve for each of `lines`.
 
         A line is a tuple (name of its data source, colour index in `PALETTE`, options of
@@ -155,7 +161,7 @@ class Figures:
             labels = [{"legend_label": f"sweep {name.split('_')[0]}"} for name in _SWEEPS]
             colours = (_FIRST_COLOUR, _FIRST_COLOUR, _SECOND_COLOUR, _SECOND_COLOUR)
             lines = list(zip(_SWEEPS, colours, labels, strict=True))
-        plot = self._plot(title, x, y, *lines, toolbar_location="right")
+        plot = self._create_plot(title, x, y, *lines, toolbar_location="right")
         plot.legend.click_policy = "hide"
         marker = Span(dimension="height", line_color="#999999", line_dash="dashed")
         plot.add_layout(marker)
@@ -168,20 +174,20 @@ class Figures:
         period) with the unit circle, and order spectrum of the mesh force.
         """
         orbit = ("plane", _FIRST_COLOUR, {})
-        plane = self._plot("Phase plane", "displacement", "velocity dx/dτ", orbit)
+        plane = self._create_plot("Phase plane", "displacement", "velocity dx/dτ", orbit)
         displacement = ("history", _FIRST_COLOUR, {"legend_label": "displacement"})
         force = ("force", _SECOND_COLOUR, {"legend_label": "dynamic force / load"})
-        history = self._plot("Time course", "mesh phase τ, rad", "", displacement, force)
+        history = self._create_plot("Time course", "mesh phase τ, rad", "", displacement, force)
         history.add_layout(history.legend[0], "below")
         history.legend.orientation = "horizontal"
-        multipliers = self._plot("Floquet multipliers", "real part", "imaginary part")
+        multipliers = self._create_plot("Floquet multipliers", "real part", "imaginary part")
         multipliers.match_aspect = True
         angle = np.linspace(0.0, math.tau, 200)
         multipliers.line(np.cos(angle), np.sin(angle), color="#999999")
         source = self.sources["multipliers"]
         multipliers.scatter("x", "y", source=source, size=10, color=PALETTE[_FIRST_COLOUR])
         y, stems = "mesh force, N, peak", ("orders", _FIRST_COLOUR, {"line_width": 3})
-        spectrum = self._plot("Order spectrum", "mesh order", y, stems, y_axis_type="log")
+        spectrum = self._create_plot("Order spectrum", "mesh order", y, stems, y_axis_type="log")
         return [plane, history, multipliers, spectrum]
 
     def _teeth_figures(self) -> list:
@@ -193,14 +199,14 @@ class Figures:
         lines = [(name, _GREY, {"legend_label": name}) for name in self.harris_names[:-1]]
         lines.append(("chosen", _FIRST_COLOUR, {"line_width": 3, "legend_label": "1"}))  # ratio
         x, y = "mesh phase / 2π", "transmission error, µm"
-        harris_map = self._plot("Harris map", x, y, *lines)
+        harris_map = self._create_plot("Harris map", x, y, *lines)
         harris_map.add_layout(harris_map.legend[0], "below")
         harris_map.legend.update(orientation="horizontal", title="torque over the chosen one")
         title, x = "Load share of a pair of teeth", "position on the path of contact, mm"
-        share = self._plot(title, x, "", ("share", _FIRST_COLOUR, {}))
+        share = self._create_plot(title, x, "", ("share", _FIRST_COLOUR, {}))
         lines = [("up_error", _FIRST_COLOUR, {}), ("down_error", _SECOND_COLOUR, {})]
         title = "Transmission error, peak to peak"
-        return [harris_map, share, self._plot(title, _SPEED_LABEL, "µm", *lines)]
+        return [harris_map, share, self._create_plot(title, _SPEED_LABEL, "µm", *lines)]
 
 
 def _load_share_along_path(error, phases: int):
@@ -220,7 +226,7 @@ def _load_share_along_path(error, phases: int):
     return 1e3 * position[entries][on_path], load_share[entries][on_path]
 
 
-def _stems(spectrum):
+def _stem_lines(spectrum):
     """Return x and y of vertical lines, separated by NaN, for the amplitudes of an order spectrum.
 
     `spectrum` is a result of `gearlib.orders`. The mean force (order 0) and amplitudes far below it
@@ -241,7 +247,7 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
 
     Dynamic factors and transmission error are those at the chosen speed and torque.
     """
-    mesh, pair = view.mesh, view.pair
+    mesh, pair = view.stage, view.pair
     quantities = [
         ("contact ratio", f"{mesh.contact_ratio:.4f}"),
         ("working pressure angle", f"{math.degrees(mesh.working_pressure_angle):.2f}°"),
@@ -260,14 +266,14 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
     factor = iso_dynamic_factor(mesh, float(view.curves.torque), float(view.run.speed))
     if factor is not None:
         quantities.append(("K_v of ISO 6336-1, with the quality", f"{factor:.4f}"))
-    static = view.error.isel(torque=-1)  # at the chosen torque
+    static = view.transmission_error.isel(torque=-1)  # at the chosen torque
     error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
     quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))
     quantities.append(("effective contact ratio", f"{ratio:.4f}"))
     return quantities
 
 
-def pane(plot, height=_SMALL_HEIGHT):
+def figure_pane(plot, height=_SMALL_HEIGHT):
     """Return a Panel object of a Bokeh figure that fills a given part of the window.
 
     `height` is a pair: fraction of the window height, and minimum height in pixels.
@@ -282,6 +288,6 @@ def pane(plot, height=_SMALL_HEIGHT):
     return pn.Column(pn.pane.Bokeh(plot, sizing_mode="stretch_both", margin=0), styles=styles)
 
 
-def beside(*panes):
+def flex_row(*panes):
     """Return a row of panes that wraps in narrow windows."""
     return pn.FlexBox(*panes, sizing_mode="stretch_width")

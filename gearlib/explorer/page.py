@@ -15,9 +15,9 @@ from bokeh.events import Tap
 
 from gearlib import config, units
 from gearlib.config.gears_section import Gears
-from gearlib.explorer.figures import Figures, beside
+from gearlib.explorer.figures import Figures, flex_row
 from gearlib.explorer.view import MAX_SPEED_RATIO, MIN_SPEED_RATIO, compute_view
-from gearlib.models.from_values import model
+from gearlib.models.from_values import build_model
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.pair import GearPair
@@ -43,7 +43,7 @@ class Slider(NamedTuple):
     unit: float = 1.0  #: size of the displayed unit in SI
 
 
-def slider(label: str, initial: float, low: float, high: float, unit: float = 1.0) -> Slider:
+def create_slider(label: str, initial: float, low: float, high: float, unit: float = 1.0) -> Slider:
     """Return a slider with limits rounded outwards and a step of 1, 2 or 5 times a power of ten.
 
     The `initial` value, the limits `low` and `high`, and `unit`, the size of the displayed unit,
@@ -61,23 +61,25 @@ def slider(label: str, initial: float, low: float, high: float, unit: float = 1.
     return Slider(label, initial, low, high, step, unit)
 
 
-def parameter_slider(model: type, name: str, initial: float, low: float, high: float) -> Slider:
+def create_parameter_slider(
+    model: type, name: str, initial: float, low: float, high: float
+) -> Slider:
     """Return a slider for the declared parameter `name` of a model class.
 
     The initial value and the limits `low` and `high` are in SI. The label and the displayed unit
     come from the annotation of the parameter in the class.
     """
     parameter = declared_parameters(model)[name]
-    number, label = parameter.number or Unit("1"), parameter.long_name
+    number, label = parameter.numeric_unit or Unit("1"), parameter.long_name
     unit_name = number.example.partition(" ")[2]
     # Forces are shown in N rather than kN.
     unit_name = number.unit if unit_name.startswith("k") else unit_name
-    unit = units.read(f"1 {unit_name}", number.unit) if unit_name else 1.0
+    unit = units.parse_quantity(f"1 {unit_name}", number.unit) if unit_name else 1.0
     for letter, greek in _GREEK.items():
         label = label.replace(letter, greek)
     if unit_name:
         label += f", {_SYMBOLS.get(unit_name, unit_name)}"
-    return slider(label, initial, low, high, unit)
+    return create_slider(label, initial, low, high, unit)
 
 
 class Sliders:
@@ -97,10 +99,10 @@ class Sliders:
         settings = config.load(mapping)
         self.by_geometry = settings.gears is not None
         if self.by_geometry:
-            pairs_of_teeth = model(settings.gears_model(damping))
+            pairs_of_teeth = build_model(settings.gears_model(damping))
             self.pair, self.stiffness_model = pairs_of_teeth.pair, pairs_of_teeth.stiffness_model
         else:
-            self.pair = model(settings.pair(damping))
+            self.pair = build_model(settings.pair(damping))
         # Rounding restores the ratios from which the damping coefficients were computed.
         ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
         self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
@@ -109,7 +111,9 @@ class Sliders:
         for name, symbol, ratio in zip(
             ("damping_ratio", "backlash_damping_ratio"), ("β", "β_m"), self.ratios, strict=True
         ):
-            self.sliders[name] = slider(f"damping ratio {symbol}", ratio, 0.0, max(0.3, 2 * ratio))
+            self.sliders[name] = create_slider(
+                f"damping ratio {symbol}", ratio, 0.0, max(0.3, 2 * ratio)
+            )
         self.abscissa = "speed" if self.by_geometry else "tuning"
 
     def _pair_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
@@ -127,9 +131,9 @@ class Sliders:
             "backlash": (backlash, 0.0, max(200e-6, 3.0 * backlash)),
             "load": (pair.load, 0.05 * pair.load, 5.0 * pair.load),
         }
-        sliders = {"tuning": slider("tuning ν", tuning, grid.start, grid.stop)}
+        sliders = {"tuning": create_slider("tuning ν", tuning, grid.start, grid.stop)}
         for name, value_and_limits in values_and_limits.items():
-            sliders[name] = parameter_slider(GearPair, name, *value_and_limits)
+            sliders[name] = create_parameter_slider(GearPair, name, *value_and_limits)
         return heading, sliders
 
     def _geometry_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
@@ -153,22 +157,24 @@ class Sliders:
         }
         for name in ("module", "width"):
             size = getattr(pinion, name)
-            sliders[name] = parameter_slider(SpurGear, name, size, 0.5 * size, 2.0 * size)
+            sliders[name] = create_parameter_slider(SpurGear, name, size, 0.5 * size, 2.0 * size)
         angles = pinion.helix_angle, min(pinion.helix_angle, 0.0), math.radians(35.0)
-        sliders["helix_angle"] = parameter_slider(SpurGear, "helix_angle", *angles)
+        sliders["helix_angle"] = create_parameter_slider(SpurGear, "helix_angle", *angles)
         for gear, shift in (("pinion", pinion.shift), ("wheel", wheel.shift)):
             label = f"profile shift of the {gear}"
-            sliders[f"{gear}_shift"] = slider(label, shift, -1.0, 1.5)
+            sliders[f"{gear}_shift"] = create_slider(label, shift, -1.0, 1.5)
         label = "largest tip relief, µm" if reliefs else "tip relief of both gears, µm"
-        sliders["tip_relief"] = slider(label, relief, 0.0, max(50e-6, 2.0 * relief), 1e-6)
+        sliders["tip_relief"] = create_slider(label, relief, 0.0, max(50e-6, 2.0 * relief), 1e-6)
         max_backlash = max(400e-6, 3.0 * mesh.backlash)
-        sliders["backlash"] = parameter_slider(
+        sliders["backlash"] = create_parameter_slider(
             GearStage, "backlash", mesh.backlash, 0.0, max_backlash
         )
-        sliders["torque"] = slider("torque of the pinion, N m", torque, 0.05 * torque, 4.0 * torque)
+        sliders["torque"] = create_slider(
+            "torque of the pinion, N m", torque, 0.05 * torque, 4.0 * torque
+        )
         min_speed = min(MIN_SPEED_RATIO * resonance_speed, speed)
         max_speed = max(MAX_SPEED_RATIO * resonance_speed, speed)
-        sliders["speed"] = slider("speed of the pinion, rpm", speed, min_speed, max_speed)
+        sliders["speed"] = create_slider("speed of the pinion, rpm", speed, min_speed, max_speed)
         return heading, sliders
 
     def configuration(self, values: dict[str, float]) -> dict:
@@ -187,7 +193,7 @@ class Sliders:
             changed = {"gears": changed["gears"], "dampings": changed["dampings"]}
             self._apply_to_geometry(changed["gears"], values, moved)
             settings = config.load(changed)
-            pair = model(settings.pair(self.damping))
+            pair = build_model(settings.pair(self.damping))
             tuning = float(pair.tuning_at(values["speed"]))
         else:
             for name in moved & {"stiffness_ratio", "contact_ratio", "backlash", "load"}:
@@ -265,22 +271,27 @@ class Page:
         """Create the page of a configuration; `damping` names one of its damping combinations.
 
         `mapping` is the content of the configuration file. Each movement of a slider calls
-        `update`, each click in the resonance curve calls `pick`.
+        `update`, each click in the resonance curve calls `handle_click`.
         """
         self.slider_set = Sliders(mapping, damping)
         self.figures = Figures(self.slider_set.by_geometry)
-        self.widgets = {name: _widget(slider) for name, slider in self.slider_set.sliders.items()}
+        self.widgets = {
+            name: _create_widget(slider) for name, slider in self.slider_set.sliders.items()
+        }
         self.note = pn.pane.Markdown("", sizing_mode="stretch_width", css_classes=["note"])
         self.button = pn.widgets.FileDownload(
-            callback=self.file, filename="config.yaml", label="Save as config.yaml", embed=False
+            callback=self.config_file,
+            filename="config.yaml",
+            label="Save as config.yaml",
+            embed=False,
         )
         self.figure_column = pn.Column(*self.figures.rows(), sizing_mode="stretch_width")
         for widget in self.widgets.values():
             widget.param.watch(self.update, "value")
-        self.figures.resonance.on_event(Tap, self.pick)
+        self.figures.resonance.on_event(Tap, self.handle_click)
         self.update()
 
-    def pick(self, event) -> None:
+    def handle_click(self, event) -> None:
         """Set the slider of the horizontal axis to the position of a click in the resonance curve.
 
         This slider, `abscissa`, is the speed, or the tuning (mesh frequency over natural
@@ -319,7 +330,7 @@ class Page:
         self.button.disabled = not is_valid
         self.figure_column.visible = is_valid
 
-    def file(self) -> io.BytesIO:
+    def config_file(self) -> io.BytesIO:
         """Return the current configuration as a YAML file, for the download button."""
         text = yaml.safe_dump(self.configuration(), sort_keys=False, allow_unicode=True)
         return io.BytesIO(f"# Saved by gearlib explore.\n{text}".encode())
@@ -331,7 +342,7 @@ class Page:
         # In a narrow window the figures come below the sliders.
         figures.styles = {"flex": "1 1 360px", "min-width": "0"}
         heading = pn.pane.Markdown(f"### {self.slider_set.heading}", css_classes=["gears"])
-        return pn.Column(heading, beside(controls, figures), sizing_mode="stretch_width")
+        return pn.Column(heading, flex_row(controls, figures), sizing_mode="stretch_width")
 
 
 def _initial_value(slider: Slider) -> float:
@@ -339,7 +350,7 @@ def _initial_value(slider: Slider) -> float:
     return float(f"{slider.initial / slider.unit:.12g}")
 
 
-def _widget(slider: Slider):
+def _create_widget(slider: Slider):
     """Return the Panel widget of a slider, in its displayed unit, with up to six decimals."""
     settings = {"start": slider.low, "end": slider.high, "step": slider.step}
     settings |= {"value": _initial_value(slider), "format": "0[.][00000]"}

@@ -11,7 +11,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.order_maps import orders
 from gearlib.data import motions
 from gearlib.data.motions import describe_contact_loss, mask_unbounded
-from gearlib.models.from_values import model
+from gearlib.models.from_values import build_model
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
@@ -44,11 +44,11 @@ class View(NamedTuple):
     multipliers: np.ndarray  #: Floquet multipliers, empty if no orbit was found
     message: str  #: sentences about the motion
     orders: xr.Dataset | None  #: order spectrum, None if the run has failed
-    up: Any = None  #: sweep up, without gear geometry
-    down: Any = None  #: sweep down, without gear geometry
+    sweep_up: Any = None  #: sweep with increasing tuning, without gear geometry
+    sweep_down: Any = None  #: sweep with decreasing tuning, without gear geometry
     curves: Any = None  #: result of `over_speed`, with gear geometry
-    mesh: Any = None  #: `GearStage`, with gear geometry
-    error: Any = None  #: result of `GearStage.transmission_error` at several torques
+    stage: Any = None  #: `GearStage`, with gear geometry
+    transmission_error: Any = None  #: errors at several torques, with gear geometry
 
 
 def compute_view(mapping: dict, damping: str) -> View:
@@ -59,7 +59,7 @@ def compute_view(mapping: dict, damping: str) -> View:
     the gears are impossible.
     """
     settings = config.load(mapping)
-    pair = model(settings.pair(damping))
+    pair = build_model(settings.pair(damping))
     tuning = settings.phase_planes.tunings[0]
     if settings.gears is None:
         tunings = np.linspace(settings.resonance.start, settings.resonance.stop, _POINTS)
@@ -71,10 +71,10 @@ def compute_view(mapping: dict, damping: str) -> View:
         # Threads run in parallel, because the kernels release the interpreter lock.
         with ThreadPoolExecutor(2) as pool:
             up, down = pool.map(resonance_curve, ("up", "down"))
-        return _view_of_motion(pair, tuning)._replace(up=up, down=down)
+        return _simulate_view(pair, tuning)._replace(sweep_up=up, sweep_down=down)
     gears = settings.gears
-    mesh, torque = gears.mesh(), gears.driving_torque()
-    pairs_of_teeth = model(settings.gears_model(damping, pitch_errors=True))
+    stage, torque = gears.mesh(), gears.driving_torque()
+    pairs_of_teeth = build_model(settings.gears_model(damping, pitch_errors=True))
     resonance_speed, speed = float(pairs_of_teeth.speed(1.0)), float(pair.speed(tuning))
     min_speed = min(MIN_SPEED_RATIO * resonance_speed, speed)
     max_speed = max(MAX_SPEED_RATIO * resonance_speed, speed)
@@ -84,13 +84,13 @@ def compute_view(mapping: dict, damping: str) -> View:
     speeds = np.linspace(min_speed, max_speed, _SPEEDS)
     curves = over_speed(without_errors, speeds, speed, **periods)
     # The same teeth meet again after as many mesh periods as there are pitch errors.
-    repeat_periods = len(mesh.pitch_errors)
-    max_phases = _HELICAL_PHASES if mesh.overlap_ratio else _PHASES
+    repeat_periods = len(stage.pitch_errors)
+    max_phases = _HELICAL_PHASES if stage.overlap_ratio else _PHASES
     phases = max(_MIN_PHASES, min(max_phases, _MAX_PHASES // repeat_periods))
     torques = [*(ratio * torque for ratio in TORQUE_RATIOS), torque]
     options = {name: getattr(pairs_of_teeth, name) for name in ("stiffness", "coupling", "twist")}
-    error = mesh.transmission_error(torques, phases=phases, **options)
-    view = _view_of_motion(pairs_of_teeth, float(pairs_of_teeth.tuning_at(speed)), repeat_periods)
+    error = stage.transmission_error(torques, phases=phases, **options)
+    view = _simulate_view(pairs_of_teeth, float(pairs_of_teeth.tuning_at(speed)), repeat_periods)
     message = f"{view.message} {describe_contact_loss(curves)}"
     jumps = zip(curves.jump_up_speed.values, curves.jump_down_speed.values, strict=True)
     for up, down in jumps:
@@ -98,7 +98,7 @@ def compute_view(mapping: dict, damping: str) -> View:
             message += f" They jump at {up:.0f} rpm going up and at {down:.0f} rpm going down."
     if repeat_periods > 1:
         message += " The curves over the speed leave out the pitch errors."
-    return view._replace(curves=curves, mesh=mesh, error=error, message=message)
+    return view._replace(curves=curves, stage=stage, transmission_error=error, message=message)
 
 
 def _resonance_curve(pair: GearPair, tunings: np.ndarray, direction: str) -> xr.Dataset:
@@ -113,7 +113,7 @@ def _resonance_curve(pair: GearPair, tunings: np.ndarray, direction: str) -> xr.
     return mask_unbounded(curve, pair.extent)
 
 
-def _view_of_motion(model: Any, tuning: float, repeat_periods: int = 1) -> View:
+def _simulate_view(model: Any, tuning: float, repeat_periods: int = 1) -> View:
     """Return the `View` of a model's motion at one tuning, without curves over the speed.
 
     The tuning is the mesh frequency over the natural frequency. Models with pairs of teeth start in

@@ -29,7 +29,7 @@ def draw(data: xr.Dataset) -> dict[str, Figure]:
     return {"analytic_method": draw_convergence(data), "harmonic_balance": draw_harmonics(data)}
 
 
-@style.styled()
+@style.rc_context()
 def draw_convergence(data: xr.Dataset):
     """Return a figure of iterates of the analytic method, their errors, and contraction factors.
 
@@ -49,7 +49,7 @@ def draw_convergence(data: xr.Dataset):
         label = "a step of the degenerate part follows"
         style.draw_markers(axes, data.iteration, error, "o", "#D55E00", 3.5, label=label)
         axes.set(yscale="log", title="")
-    style.legend(areas[1], error_axes[0, 0], columns=1)
+    style.add_legend(areas[1], error_axes[0, 0], columns=1)
     _draw_contraction(areas[2], data)
     return figure
 
@@ -64,7 +64,7 @@ def _draw_iterates(figure, data: xr.Dataset):
     iterations = [number for number in _ITERATION_COLOURS if number in data.iteration]
     styles = {n: {"color": _ITERATION_COLOURS[n], "label": f"iteration {n}"} for n in iterations}
     options = {"panel": "shown", "colour": "iteration", "styles": styles, "figure": figure}
-    data = panels.in_mesh_periods(data)
+    data = panels.phase_to_mesh_periods(data)
     grid = panels.draw_panels(data, "phase", "iterate_displacement", **options)
     for i, axes in enumerate(grid[0]):
         line_options = {"color": "black", "linewidth": 2.2, "zorder": 1, "label": "exact orbit"}
@@ -101,10 +101,10 @@ def _draw_contraction(figure, data: xr.Dataset):
         axes.label_outer()
     label = "contraction factor of an iteration"
     figure.colorbar(image, ax=list(grid), extend="both", label=label)
-    style.legend(figure, grid[0], columns=2)
+    style.add_legend(figure, grid[0], columns=2)
 
 
-@style.styled()
+@style.rc_context()
 def draw_harmonics(data: xr.Dataset):
     """Return a figure of errors over the number of harmonics, above a harmonic-balance curve.
 
@@ -119,11 +119,13 @@ def draw_harmonics(data: xr.Dataset):
         _draw_errors(axes, data.isel(shown=i))
         axes.label_outer()
     handles = [
-        style.legend_entry(name, colour, "-", marker, markersize=3.5, markerfacecolor=face)
+        style.legend_handle(name, colour, "-", marker, markersize=3.5, markerfacecolor=face)
         for name, colour, marker, face in _METHODS.values()
     ]
-    handles += [style.legend_entry(quantity, _GREY, dashes) for quantity, dashes in _DASHES.items()]
-    style.legend(error_area, handles, columns=4)
+    handles += [
+        style.legend_handle(quantity, _GREY, dashes) for quantity, dashes in _DASHES.items()
+    ]
+    style.add_legend(error_area, handles, columns=4)
     _draw_resonance(resonance_area, data)
     return figure
 
@@ -168,12 +170,12 @@ def _draw_resonance(figure, data: xr.Dataset):
     axes.set_xlabel(panels.axis_label(data.tuning))
     axes.set_ylabel("extrema of the displacement\n(static deflections)")
     handles = [
-        style.legend_entry(f"tuning {name}", colour, "-", marker, markersize=3.5)
+        style.legend_handle(f"tuning {name}", colour, "-", marker, markersize=3.5)
         for name, (colour, marker) in _DIRECTIONS.items()
     ]
     handles += [
-        style.legend_entry("line: exact sweep", _GREY),
-        style.legend_entry("mark: harmonic balance", _GREY, "", "^"),
-        style.legend_entry("unstable", _GREY, "", "^", markerfacecolor="white"),
+        style.legend_handle("line: exact sweep", _GREY),
+        style.legend_handle("mark: harmonic balance", _GREY, "", "^"),
+        style.legend_handle("unstable", _GREY, "", "^", markerfacecolor="white"),
     ]
-    style.legend(figure, handles, columns=5)
+    style.add_legend(figure, handles, columns=5)

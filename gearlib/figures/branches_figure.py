@@ -27,7 +27,7 @@ SPECIAL_POINTS = {
 }
 
 
-@style.styled()
+@style.rc_context()
 def draw_branches(branches: xr.Dataset, loci: xr.Dataset):
     """Return a figure of branches of periodic orbits, above the loci of their special points.
 
@@ -48,8 +48,8 @@ def draw_branches(branches: xr.Dataset, loci: xr.Dataset):
     locus_axes.axhline(branch_damping, color="black", linewidth=0.6, linestyle=":")
     dampings = np.full(branches.sizes["point"], branch_damping)
     draw_special_points(locus_axes, branches.tuning, dampings, branches.label, size=3.5)
-    handles = legend_entries(branches.label, point_line="-")
-    style.legend(figure, handles, columns=len(handles), side="upper")
+    handles = legend_handles(branches.label, point_line="-")
+    style.add_legend(figure, handles, columns=len(handles), side="upper")
     branch_axes.set_ylabel(panels.axis_label(branches.orbit_height, width=40))
     locus_axes.set_ylabel(panels.axis_label(loci.damping_ratio, width=40))
     locus_axes.set_xlabel(style.TUNING_LABEL)
@@ -91,7 +91,7 @@ def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, siz
             style.draw_markers(axes, x[mask], y[mask], marker, colour, size, zorder=3)
 
 
-def legend_entries(labels: ArrayLike, point_line="none") -> list:
+def legend_handles(labels: ArrayLike, point_line="none") -> list:
     """Return legend handles for branches of orbits and for the kinds of special points on them.
 
     `labels` are codes of special points, keys of `SPECIAL_POINTS`; only kinds that occur get an
@@ -99,12 +99,12 @@ def legend_entries(labels: ArrayLike, point_line="none") -> list:
     figure also shows the loci of special points, which are lines.
     """
     handles = [
-        style.legend_entry("stable orbit"),
-        style.legend_entry("unstable orbit", line=style.DASHED),
+        style.legend_handle("stable orbit"),
+        style.legend_handle("unstable orbit", line=style.DASHED),
     ]
     for code, (name, colour, marker) in SPECIAL_POINTS.items():
         if code in np.asarray(labels):
-            handles.append(style.legend_entry(name, colour, point_line, marker, markersize=4))
+            handles.append(style.legend_handle(name, colour, point_line, marker, markersize=4))
     return handles
 
 
@@ -140,7 +140,9 @@ def _write_tunings(axes, branches: xr.Dataset):
         distances = np.abs(positions[:, remaining] - positions[:, remaining[:1]])
         is_close = (distances < 1.0).all(axis=0)
         group, remaining = remaining[is_close], remaining[~is_close]
-        text = ", ".join(style.number_texts(np.sort(tuning[group]), digits=4, form="f", decimals=4))
+        text = ", ".join(
+            style.format_numbers(np.sort(tuning[group]), digits=4, form="f", decimals=4)
+        )
         # The text stands beside the point whose label has the lowest code.
         anchor_point = group[labels[group].argmin()]
         # The neighbours are a few orbits away, because close to a fold the tuning hardly changes.
@@ -174,7 +176,7 @@ MAX_LINEAR_SHIFT = 1e-7
 _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 
 
-@style.styled()
+@style.rc_context()
 def draw_jump(jumps: xr.Dataset, marked=()):
     """Return a figure of the jump of the motion from rest, and of shifts of this jump.
 
@@ -221,7 +223,7 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
     for nu in marked:
         axes.axvline(nu, color=_ORANGE, linewidth=0.6, linestyle="--")
     if marked:
-        title += f" (dashed: {' and '.join(style.number_texts(marked, 4, 'f', 4))})"
+        title += f" (dashed: {' and '.join(style.format_numbers(marked, 4, 'f', 4))})"
     axes.set(title=title, xlim=(tuning[0], tuning[-1]))
 
 
@@ -253,7 +255,7 @@ def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str,
     axes.update_datalim(np.column_stack([values, np.zeros(values.size)]))
     axes.set_yscale("symlog", linthresh=MAX_LINEAR_SHIFT)
     axes.set_yticks([-1e-2, -1e-4, -1e-6, 0.0, 1e-6, 1e-4, 1e-2])
-    without_jump = ", ".join(style.number_texts(values[np.isnan(jumps.jump.values)]))
+    without_jump = ", ".join(style.format_numbers(values[np.isnan(jumps.jump.values)]))
     if without_jump:
         title = f"no jump in the scan where {label.split(' (')[0]} = {without_jump}"
         axes.set_title(title, fontsize=6, loc="left", pad=2.0)

@@ -16,7 +16,7 @@ _METHODS_WITH_UNCERTAINTY = ("iso", "energy")
 _MEAN_MARKERS, _TEXT_ROOM = "so^D", 3.6
 
 
-@style.styled()
+@style.rc_context()
 def draw_mesh_stiffness(stiffness: xr.Dataset):
     """Return a figure of mesh stiffness over the mesh period, with its mean, for each gear pair.
 
@@ -25,7 +25,7 @@ def draw_mesh_stiffness(stiffness: xr.Dataset):
     """
     data = stiffness.copy()
     for variable in ("mesh_stiffness", "mean_mesh_stiffness", "published_stiffness"):
-        data[variable] = panels.in_unit(stiffness[variable], 1e8, "$10^8$ N/m")
+        data[variable] = panels.convert_unit(stiffness[variable], 1e8, "$10^8$ N/m")
     styles = panels.plot_options(data.stiffness_method)
     pair_count = data.sizes["pair"]
     rows = math.ceil(pair_count / 2)
@@ -41,7 +41,7 @@ def draw_mesh_stiffness(stiffness: xr.Dataset):
         # The upper limit leaves room for markers and error bars.
         low, high = curve_axes.get_ylim()
         curve_axes.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
-    style.legend(figure, handles, columns=4, fontsize=6.5)
+    style.add_legend(figure, handles, columns=4, fontsize=6.5)
     return figure
 
 
@@ -92,7 +92,7 @@ def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
 ERROR_LABEL = "static transmission error (µm)"
 
 
-@style.styled()
+@style.rc_context()
 def draw_harris_maps(data: xr.Dataset):
     """Return a figure of Harris maps (transmission error for several loads), one per tip relief.
 
@@ -111,7 +111,7 @@ def draw_harris_maps(data: xr.Dataset):
         title = panels.value_label(relief.relief)
         axes.set_title(f"{title}\n{amounts} µm" if relief.relief_amount.any() else title)
     maps[0].set_ylabel(ERROR_LABEL)
-    peak_to_peak = panels.in_unit(data.peak_to_peak_error, 1e-6, "µm")
+    peak_to_peak = panels.convert_unit(data.peak_to_peak_error, 1e-6, "µm")
     curves = data.assign(peak_to_peak_error=peak_to_peak).assign_coords(torque=load)
     # No teeth are in contact without a load.
     curves["effective_contact_ratio"] = curves.effective_contact_ratio.where(curves.torque > 0.0)
@@ -120,7 +120,7 @@ def draw_harris_maps(data: xr.Dataset):
         options = {"colour": "relief", "marker": "o", "markersize": 3.0}
         entries = panels.draw_curves(axes, curves, "torque", name, **options)
         axes.axvline(1.0, color="black", linewidth=0.5, linestyle=(0, (1, 2)))
-    style.legend(figure, entries, columns=3)
+    style.add_legend(figure, entries, columns=3)
     return figure
 
 
@@ -134,7 +134,7 @@ def draw_errors(axes, data: xr.Dataset, loads: np.ndarray, design_load=1.0):
     # The factor leaves out the lightest colours, which are hard to see on white. The bound 1e-9
     # avoids a division by zero if all loads are zero.
     colours = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))
-    texts, errors = style.number_texts(loads), data.transmission_error.values
+    texts, errors = style.format_numbers(loads), data.transmission_error.values
     for load, text, colour, error in zip(loads, texts, colours, errors, strict=True):
         width = 2.0 if math.isclose(load, design_load) else 0.9
         # The period begins within double contact, so that only two periods show all of it.
@@ -149,7 +149,7 @@ _LABELS = {"up": "running up", "down": "running down"}
 _ISO_COLOUR, _OPERATING_COLOUR = "#8C8C8C", "#D55E00"
 
 
-@style.styled()
+@style.rc_context()
 def draw_dynamic_factor(curves: xr.Dataset):
     """Return a figure of dynamic factor and transmission error over the speed of the pinion.
 
@@ -161,7 +161,7 @@ def draw_dynamic_factor(curves: xr.Dataset):
     factor_axes, error_axes = figure.subplots(2, 1, sharex=True)
     speed = curves.speed.values
     curve_styles = style.curve_styles([str(direction) for direction in curves.direction.values])
-    error = panels.in_unit(curves.error_peak_to_peak, 1e-6, "µm")
+    error = panels.convert_unit(curves.error_peak_to_peak, 1e-6, "µm")
     handles = []
     for direction, curve_style in curve_styles.items():
         dashes, _ = WARM_STARTED_STYLES[direction]
@@ -185,9 +185,9 @@ def draw_dynamic_factor(curves: xr.Dataset):
             style.annotate(factor_axes, f"{arrow} {jump_speed:.0f}", point, (2, 0), coords=coords)
     factor_axes.set_ylim(bottom=0.0)
     error_axes.set_ylim(bottom=0.0)
-    factor_axes.set_xlim(style.limits(speed, margin=0.0))
+    factor_axes.set_xlim(style.axis_limits(speed, margin=0.0))
     factor_axes.set_ylabel("dynamic factor $K_v$")
     error_axes.set_xlabel(panels.axis_label(curves.speed))
     error_axes.set_ylabel(panels.axis_label(error, width=30))
-    style.legend(figure, handles, columns=4)
+    style.add_legend(figure, handles, columns=4)
     return figure

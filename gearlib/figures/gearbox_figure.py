@@ -38,7 +38,7 @@ def draw_outline(axes: Axes, outline: xr.Dataset) -> None:
     axes.legend(handle_of.values(), handle_of, **options)
 
 
-@style.styled()
+@style.rc_context()
 def draw_view(outline: xr.Dataset):
     """Return a figure of a gearbox seen from the side, for a result of `Gearbox.outline`."""
     figure = style.page_figure(height=4.0)
@@ -46,7 +46,7 @@ def draw_view(outline: xr.Dataset):
     return figure
 
 
-@style.styled()
+@style.rc_context()
 def draw_stages(stages: list[xr.Dataset]):
     """Return a figure of dynamic factor and transmission error over the speed, one row per stage.
 
@@ -56,7 +56,7 @@ def draw_stages(stages: list[xr.Dataset]):
     figure = style.page_figure(height=1.9 * len(stages) + 0.5)
     grid = figure.subplots(len(stages), 2, squeeze=False)
     for (factor_axes, error_axes), data in zip(grid, stages, strict=True):
-        for direction, dashes in zip(data.direction.values, style.LINES, strict=False):
+        for direction, dashes in zip(data.direction.values, style.LINE_STYLES, strict=False):
             curve = data.sel(direction=direction)
             options = {"linestyle": dashes, "label": f"speed goes {direction}"}
             factor_axes.plot(curve.speed, curve.dynamic_factor, **options)
@@ -69,11 +69,11 @@ def draw_stages(stages: list[xr.Dataset]):
         factor_axes.set_ylabel("dynamic factor $K_v$")
         error_axes.set_ylabel("peak-to-peak error (µm)")
         factor_axes.set_title(f"{data.attrs['stage']}, {data.attrs['load_case']}", fontsize=7)
-    style.legend(figure, grid[0, 0], columns=3)
+    style.add_legend(figure, grid[0, 0], columns=3)
     return figure
 
 
-@style.styled()
+@style.rc_context()
 def draw_modes(box: xr.Dataset):
     """Return a Campbell diagram of a gearbox, above the strain energies of its natural modes.
 
@@ -91,7 +91,7 @@ def draw_modes(box: xr.Dataset):
     handles = trains_figure.draw_orders(campbell_axes, box, max_speed)
     if np.isfinite(operating_speed):
         campbell_axes.axvline(operating_speed, color="C3", linewidth=0.8)
-        handles.append(style.legend_entry("operating speed", "C3", linewidth=0.8))
+        handles.append(style.legend_handle("operating speed", "C3", linewidth=0.8))
     campbell_axes.legend(handles=handles, fontsize=6, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     modes = box.natural_mode[:_MAX_MODES]
     bar_bottoms = np.zeros(modes.size)

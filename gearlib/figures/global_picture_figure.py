@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from gearlib.colours import MOTIONS, of_categories
+from gearlib.colours import MOTIONS, distinct_colours
 from gearlib.figures import panels, style
 
 _KINDS = ("period", "chaotic", "unbounded", "undecided")
@@ -35,11 +35,11 @@ def attractor_colours(kinds: np.ndarray) -> list[str]:
     `kinds` has the kind of each attractor as an index in `_KINDS` (periodic 0, chaotic 1 and so
     on). Each periodic attractor gets its own colour; attractors of any other kind share one.
     """
-    periodic_colours = of_categories()
+    periodic_colours = distinct_colours()
     return [_KIND_COLOURS[kind] or next(periodic_colours) for kind in kinds]
 
 
-@style.styled()
+@style.rc_context()
 def draw_basins(data: xr.Dataset):
     """Return a figure of basins of attraction, a panel for each case.
 
@@ -53,7 +53,7 @@ def draw_basins(data: xr.Dataset):
         case = data.isel(case=i, attractor=slice(int(data.basin[i].max()) + 1))
         colours = attractor_colours(case.attractor_kind.values)
         states = case.displacement.values, case.velocity.values
-        style.draw_code_map(axes, *states, case.basin.values.T, colours)
+        style.draw_category_map(axes, *states, case.basin.values.T, colours)
         axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim(), title=case.case.item())
         for j, (colour, marker) in enumerate(zip(colours, _MARKERS * len(colours), strict=False)):
             _mark_attractor(axes, case.isel(attractor=j), colour, marker)
@@ -89,7 +89,7 @@ def _label_plane(axes, prefix=""):
         axes.set_ylabel(prefix + style.VELOCITY_LABEL)
 
 
-@style.styled()
+@style.rc_context()
 def draw_sections(data: xr.Dataset):
     """Return a figure of Poincaré sections (states once per mesh period), a panel for each case.
 
@@ -119,7 +119,7 @@ def draw_sections(data: xr.Dataset):
     return figure
 
 
-@style.styled()
+@style.rc_context()
 def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
     """Return a figure of a bifurcation diagram, Lyapunov exponents and shares of attractors.
 
@@ -153,7 +153,9 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
     exponent_axes.set_ylabel(panels.axis_label(diagram.exponent, width=24))
     _draw_family_shares(share_axes, shares)
     share_axes.set(xlabel=panels.axis_label(diagram.tuning), xlim=diagram.tuning.values[[0, -1]])
-    style.second_scale(diagram_axes, float(diagram.speed[-1] / diagram.tuning[-1]), "speed (rpm)")
+    style.add_secondary_axis(
+        diagram_axes, float(diagram.speed[-1] / diagram.tuning[-1]), "speed (rpm)"
+    )
     return figure
 
 
@@ -202,7 +204,7 @@ def _draw_family_shares(axes, shares: xr.Dataset):
     peak_to_peak = shares.displacement_max - shares.displacement_min
     heights = peak_to_peak.isel(tuning=share.argmax("tuning")).values
     kinds, periods = shares.attractor_kind.values, shares.period.values
-    texts = style.number_texts(heights, digits=1, form="f", decimals=1)
+    texts = style.format_numbers(heights, digits=1, form="f", decimals=1)
     names = [
         f"period {period}, height {height}" if kind == _PERIODIC else _KINDS[kind]
         for kind, period, height in zip(kinds, periods, texts, strict=True)

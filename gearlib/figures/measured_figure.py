@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gearlib.colours import of_categories
+from gearlib.colours import distinct_colours
 from gearlib.figures import panels, style
 
 #: Markers for rising (1), falling (-1) and other (0) speed.
@@ -15,7 +15,7 @@ _SPEEDS_OF_JUMPS = ("jump_up", "jump_down", "onset_of_contact_loss")
 _POINT_COLOUR = "#8C8C8C"
 #: Heights of a row of panels and of the legend, inches.
 _HISTORY_HEIGHT, _ORDER_HEIGHT, _LEGEND_HEIGHT = 2.6, 2.4, 0.5
-_MEASURED_ENTRY = style.legend_entry("measured", _POINT_COLOUR, "none", ".")
+_MEASURED_ENTRY = style.legend_handle("measured", _POINT_COLOUR, "none", ".")
 
 
 def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) -> list:
@@ -29,7 +29,7 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) ->
     """
     handles = []
     axis_limits = {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
-    colours = of_categories(curve.colour for curve in computed.values())
+    colours = distinct_colours(curve.colour for curve in computed.values())
     for curve, colour in zip(curves, colours, strict=False):
         face = colour
         measured_names = [name for name in names if name in curve]
@@ -50,12 +50,12 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) ->
             axes.axvline(jump_tuning, color=colour, linestyle=":", linewidth=0.9, zorder=1.6)
         if jumps or measured_names:
             label = f"measured: {curve.title}"
-            handles.append(style.legend_entry(label, colour, ":", "^", markerfacecolor=face))
+            handles.append(style.legend_handle(label, colour, ":", "^", markerfacecolor=face))
     axes.set(**axis_limits)
     return handles
 
 
-@style.styled()
+@style.rc_context()
 def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed time histories, a panel for each.
 
@@ -72,9 +72,9 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
     rows = max(1, math.ceil(len(histories) / 2))
     figure = style.page_figure(_HISTORY_HEIGHT * rows + _LEGEND_HEIGHT)
     styles = panels.plot_options(courses[0].damping, colours)
-    speeds = style.number_texts([float(history.speed) for history in histories])
+    speeds = style.format_numbers([float(history.speed) for history in histories])
     for k, history in enumerate(histories):
-        data = panels.in_mesh_periods(panels.in_mesh_periods(history), "point_phase")
+        data = panels.phase_to_mesh_periods(panels.phase_to_mesh_periods(history), "point_phase")
         axes = figure.add_subplot(rows, 2, k + 1)
         style.draw_markers(axes, data.point_phase, data.point, ".", _POINT_COLOUR, 2.0, zorder=1)
         panels.draw_curves(axes, data, "phase", "computed", colour="damping", styles=styles)
@@ -83,11 +83,11 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
         unit = dict(entry.split(" in ") for entry in data.course_units.split(", "))[name]
         axes.set_title(f"{data.title}, {speeds[k]} rpm")
         axes.set_ylabel(f"{name.replace('_', ' ')} ({unit})")
-    style.legend(figure, [_MEASURED_ENTRY, *panels.legend_entries(styles)], columns=5)
+    style.add_legend(figure, [_MEASURED_ENTRY, *panels.legend_handles(styles)], columns=5)
     return figure
 
 
-@style.styled()
+@style.rc_context()
 def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed amplitudes of mesh orders, one panel for each order.
 
@@ -107,9 +107,9 @@ def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = No
     grid = figure.subplots(max(1, len(row_data)), orders[0].sizes["order"], **shared)
     styles = panels.plot_options(orders[0].damping, colours)
     for grid_row, data in zip(grid, row_data, strict=False):
-        data["level"] = _decibels(data.amplitude, data.amplitude.max())
+        data["level"] = _to_decibels(data.amplitude, data.amplitude.max())
         computed = data.computed_amplitude
-        data["computed_level"] = _decibels(computed, computed.max(["order", "block"]))
+        data["computed_level"] = _to_decibels(computed, computed.max(["order", "block"]))
         for k, axes in enumerate(grid_row):
             order = data.isel(order=k)
             style.draw_markers(axes, order.speed, order.level, ".", _POINT_COLOUR, 2.5, zorder=1)
@@ -118,11 +118,11 @@ def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = No
             axes.set_title(f"order {'' if k == 0 else k + 1}z")
             axes.set_ylabel(f"{data.title}\n{data.observable.item().replace('_', ' ')} (dB)")
             axes.label_outer()
-    style.legend(figure, [_MEASURED_ENTRY, *panels.legend_entries(styles)], columns=5)
+    style.add_legend(figure, [_MEASURED_ENTRY, *panels.legend_handles(styles)], columns=5)
     return figure
 
 
-def _decibels(amplitude: xr.DataArray, reference: xr.DataArray):
+def _to_decibels(amplitude: xr.DataArray, reference: xr.DataArray):
     """Return amplitudes in dB relative to a reference amplitude; zero amplitudes give NaN."""
     ratio = (amplitude / reference).where(amplitude > 0.0)
     return 20.0 * np.log10(ratio)
@@ -134,7 +134,7 @@ _ROW_HEIGHT = 2.0
 _HALF_INTERVAL = 1.96
 
 
-@style.styled()
+@style.rc_context()
 def fit(found, *, figure: Figure | None = None):
     """Draw the measured curves of a fit, and the fitted curves over them.
 

@@ -45,7 +45,7 @@ _LINE_OPTIONS = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5}
 _LINE_OPTIONS["markeredgecolor"] = "white"
 
 
-@style.styled()
+@style.rc_context()
 def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> dict[str, Figure]:
     """Return figures of the errors of methods of integration over their cost, in a dict by name.
 
@@ -56,9 +56,9 @@ def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> di
     Methods that never evaluate the right-hand side are at the left edge. Grey areas are out of
     reach: errors below rounding, and times shorter than one evaluation of the closed-form solution.
     """
-    data = _concatenate(errors).assign(period_time=_concatenate(times).period_time)
-    states = _panels_with_errors(data, "state")
-    measures = _panels_with_errors(data, "event") + _panels_with_errors(data, "multiplier")
+    data = _concatenate_methods(errors).assign(period_time=_concatenate_methods(times).period_time)
+    states = _problems_with_errors(data, "state")
+    measures = _problems_with_errors(data, "event") + _problems_with_errors(data, "multiplier")
     evaluations = "period_evaluations"
     figures = {
         "evaluations": _draw_panels(data, evaluations, states, "rounding of the state"),
@@ -73,7 +73,7 @@ def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> di
     return {f"work_precision_{name}": figure for name, figure in figures.items()}
 
 
-def _concatenate(datasets: list[xr.Dataset]) -> xr.Dataset:
+def _concatenate_methods(datasets: list[xr.Dataset]) -> xr.Dataset:
     """Join the datasets of all methods along the dimension "rung".
 
     Each entry of this dimension is a method with one setting of its accuracy, such as a tolerance.
@@ -81,7 +81,7 @@ def _concatenate(datasets: list[xr.Dataset]) -> xr.Dataset:
     return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
 
 
-def _panels_with_errors(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
+def _problems_with_errors(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
     """Return a list of pairs (problem, kind) for all problems whose errors are known.
 
     `kind` is "state", "event" or "multiplier": the quantity of which `data` has errors.
@@ -115,8 +115,10 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
         _draw_errors(axes, data.sel(problem=problem), cost, kind, styles)
     # The legend has an entry for each method, each family and the grey areas.
     families = [_FAMILIES[name] for name in _FAMILIES if name in data.family]
-    handles = panels.legend_entries(styles) + [style.legend_entry(*family) for family in families]
-    style.legend(figure, [*handles, Patch(label=grey_label, **_GREY_AREA)], columns=4, fontsize=6.5)
+    handles = panels.legend_handles(styles) + [style.legend_handle(*family) for family in families]
+    style.add_legend(
+        figure, [*handles, Patch(label=grey_label, **_GREY_AREA)], columns=4, fontsize=6.5
+    )
     return figure
 
 
@@ -178,7 +180,7 @@ _VERDICT_STYLES = {
 }
 
 
-@style.styled()
+@style.rc_context()
 def draw_failures(matrix: xr.Dataset):
     """Return a table of verdicts on methods of integration, a row for each problem.
 
@@ -196,14 +198,14 @@ def draw_failures(matrix: xr.Dataset):
     axes = figure.subplots()
     codes = matrix.verdict.values
     colours = [colour for _, colour, _ in verdict_styles]
-    style.draw_code_map(axes, range(columns), range(rows), codes, colours)
+    style.draw_category_map(axes, range(columns), range(rows), codes, colours)
     for i, j in np.ndindex(rows, columns):
         letter, _, _ = verdict_styles[codes[i, j]]
         if is_shortened[i, j]:
             letter += "*"
         options = {"anchor": "center center", "fontsize": 6}
         style.annotate(axes, letter, (j, i + 0.22), weight="bold", **options)
-        style.annotate(axes, _error_text(float(matrix.error[i, j])), (j, i - 0.22), **options)
+        style.annotate(axes, _format_error(float(matrix.error[i, j])), (j, i - 0.22), **options)
     axes.set_xticks(range(columns), matrix.trial.values, rotation=60, ha="left", fontsize=7)
     axes.xaxis.tick_top()
     axes.set_yticks(range(rows), matrix.words.values, fontsize=7)
@@ -220,11 +222,11 @@ def draw_failures(matrix: xr.Dataset):
     ]
     if is_shortened.any():
         patches.append(Patch(alpha=0.0, label="*: fewer periods"))
-    style.legend(figure, patches, columns=5)
+    style.add_legend(figure, patches, columns=5)
     return figure
 
 
-def _error_text(error: float) -> str:
+def _format_error(error: float) -> str:
     """Return an error as short text: "3e-5", "7" for a small integer, "" if not finite."""
     if not np.isfinite(error):
         return ""
@@ -252,7 +254,7 @@ VERDICTS = (
 _SPURIOUS_INSTABILITY, _EXCESS_GROWTH, _RIGHT, _EXCESS_DAMPING, _MISSED_INSTABILITY = range(5)
 
 
-def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
+def classify_stability(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
     """Return a verdict on the stability that a method computes, for each step count and tuning.
 
     A verdict is an index in `VERDICTS`, such as 0 for "invents motion". `radius`, of shape (step
@@ -273,7 +275,7 @@ def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
     return np.select([*conditions.values()], [*conditions], default=_RIGHT)
 
 
-@style.styled()
+@style.rc_context()
 def draw_stability(chart: xr.Dataset):
     """Return a figure with a map of verdicts on the stability that each method computes.
 
@@ -289,8 +291,8 @@ def draw_stability(chart: xr.Dataset):
     true_radius = np.interp(tuning, chart.fine_tuning, chart.true_radius)
     for i, name in enumerate(chart.method.values):
         axes = figure.add_subplot(grid[i // 2, i % 2])
-        codes = verdicts(chart.radius.values[i], true_radius)
-        style.draw_code_map(axes, tuning, steps, codes, [colour for _, colour in VERDICTS])
+        codes = classify_stability(chart.radius.values[i], true_radius)
+        style.draw_category_map(axes, tuning, steps, codes, [colour for _, colour in VERDICTS])
         axes.set(yscale="log", title=name)
         axes.set_ylabel(panels.axis_label(chart.steps) if i % 2 == 0 else "")
         # Only the classical Runge-Kutta method and its variants have this limit.
@@ -305,5 +307,5 @@ def draw_stability(chart: xr.Dataset):
     radius_axes.set(xlabel=panels.axis_label(chart.tuning), ylabel="true radius")
     radius_axes.set_xlim(tuning[0], tuning[-1])
     handles = [Patch(facecolor=colour, edgecolor="grey", label=name) for name, colour in VERDICTS]
-    style.legend(figure, handles, columns=3)
+    style.add_legend(figure, handles, columns=3)
     return figure

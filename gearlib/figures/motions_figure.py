@@ -20,7 +20,7 @@ _TITLE_CHARACTERS = 120
 SAME_ORBIT_TOLERANCE = 5e-3
 
 
-@style.styled()
+@style.rc_context()
 def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
     """Return a figure of phase planes (velocity over displacement) for each damping and tuning.
 
@@ -33,7 +33,7 @@ def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | Non
     figure = style.page_figure(_TITLES_HEIGHT + _CELL_HEIGHT * tunings.size)
     grid = figure.subplots(tunings.size, len(curve_styles), squeeze=False)
     width = min(30, _TITLE_CHARACTERS // max(1, len(curve_styles)))
-    labels = panels.tuning_texts(tunings, phase_planes.get("speed"))
+    labels = panels.format_tunings(tunings, phase_planes.get("speed"))
     for i, (row_axes, tuning, label) in enumerate(zip(grid, tunings, labels, strict=True)):
         row_axes[0].set_ylabel(f"$\\nu_s$ = {label}\n$dy/d\\tau$".replace(" (", "\n("))
         for axes, (name, curve_style) in zip(row_axes, curve_styles.items(), strict=True):
@@ -44,7 +44,7 @@ def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | Non
             axes.tick_params(labelsize=5.5)
             header = [style.typeset_dampings(name)] if i == 0 else []
             axes.set_title(
-                "\n".join([*header, *textwrap.wrap(_steadiness(run), width)]), fontsize=6
+                "\n".join([*header, *textwrap.wrap(_describe_steadiness(run), width)]), fontsize=6
             )
     for axes in grid[-1]:
         axes.set_xlabel(style.DISPLACEMENT_LABEL)
@@ -57,7 +57,7 @@ def draw_plane(axes, run: xr.Dataset, **options):
     `run` is a result of `gearlib.simulate`; `options` are passed to `Axes.plot`.
     """
     displacement, velocity = closed_orbit(run)
-    axes.set(xlim=style.limits(displacement, 0.0), ylim=style.limits(velocity, 0.0))
+    axes.set(xlim=style.axis_limits(displacement, 0.0), ylim=style.axis_limits(velocity, 0.0))
     # With moving bearings the displacement at which the coast-side flanks touch varies, so all
     # displacements below 0 are shaded alike, as with infinite backlash.
     backlash = np.inf if "coast_line" in run else float(run.backlash_ratio)
@@ -86,7 +86,7 @@ def closed_orbit(run: xr.Dataset) -> np.ndarray:
     return np.append(states[:, start:], states[:, start : start + 1], axis=1)
 
 
-def _steadiness(run: xr.Dataset) -> str:
+def _describe_steadiness(run: xr.Dataset) -> str:
     """Return a description such as "steady, 1 mesh period" of a run, "no result" if it failed."""
     return describe_steadiness(run) if np.isfinite(run.displacement).all() else "no result"
 
@@ -100,7 +100,7 @@ _MODELS = {
 _MIN_STIFFNESS_COLOUR = "#D55E00"
 
 
-@style.styled()
+@style.rc_context()
 def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
     """Return a figure of phase planes above time histories, with a column for each run.
 
@@ -119,17 +119,20 @@ def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
         run = shown.sel(case=title)
         draw_plane(column[0], run, color=style.PALETTE[0], linewidth=0.8)
         # The list of texts has one entry for the one tuning of the run.
-        (tuning,) = panels.tuning_texts(run.tuning, run.get("speed"))
+        (tuning,) = panels.format_tunings(run.tuning, run.get("speed"))
         stated_tuning = re.search(r"(?:tuning|nu|ν)\s*=?\s*(\d+(?:\.\d+)?)", title)
         # The tuning is added to titles that do not state it.
         is_stated = stated_tuning is not None and float(stated_tuning[1]) == float(run.tuning)
         column[0].set_title(title if is_stated else f"{title}\n$\\nu_s$ = {tuning}")
         column[0].set_xlabel(style.DISPLACEMENT_LABEL)
-        column[0].set_xlim(style.limits(shown.displacement, 0.0))
+        column[0].set_xlim(style.axis_limits(shown.displacement, 0.0))
         for axes, name in zip(column[1:], courses, strict=True):
-            _draw_time_history(axes, panels.in_mesh_periods(run), name)
+            _draw_time_history(axes, panels.phase_to_mesh_periods(run), name)
             axes.label_outer()
-    label, axis_limits = panels.axis_label(scene.velocity, width=30), style.limits(shown.velocity)
+    label, axis_limits = (
+        panels.axis_label(scene.velocity, width=30),
+        style.axis_limits(shown.velocity),
+    )
     grid[0, 0].set(ylabel=label, ylim=axis_limits)
     figure.supxlabel(f"model: {_MODELS[scene.model.item()]}", fontsize=6, x=0.99, ha="right")
     return figure
@@ -193,7 +196,7 @@ extrema: share of the height of the orbit, or of the force; fractions and bounce
 cost: components of the state advanced per mesh period"""
 
 
-@style.styled()
+@style.rc_context()
 def draw_models(comparisons: list[xr.Dataset], scenes: list[str]):
     """Return a figure of model errors: how much results change if a larger model is used.
 

@@ -15,7 +15,7 @@ _MIN_RELATIVE_AMPLITUDE = 1e-6
 _MAX_LABELS = 10
 
 
-@style.styled()
+@style.rc_context()
 def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitude") -> Axes:
     """Draw order spectra: amplitudes over the orders, with labels at tooth-passing harmonics.
 
@@ -45,8 +45,8 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
     checks.check_choice("variable", variable, ("force_amplitude", "error_amplitude"))
     # Messages about missing variables name the functions that draw and that compute datasets.
     sources = {"dim": "order", "caller": "orders", "source": "orders"}
-    curves = plot_curves.curves(spectra, labels, (variable, "mesh_order"), **sources)
-    axes = plot_curves.axes_or_new(axes)
+    curves = plot_curves.create_curves(spectra, labels, (variable, "mesh_order"), **sources)
+    axes = plot_curves.get_axes(axes)
     # Entry 0 of the orders is the mean.
     spectra = [curve.data.isel(order=slice(1, None)) for curve in curves]
     variables = [spectrum[variable] for spectrum in spectra]
@@ -110,7 +110,7 @@ LEGEND = {
 MAX_CIRCLES = 30
 
 
-@style.styled()
+@style.rc_context()
 def order_map(
     found: xr.Dataset,
     *,
@@ -163,7 +163,7 @@ def order_map(
         for attribute in ("variable", "amplitude"):
             value, allowed = data.attrs[attribute], found.attrs[attribute]
             checks.require(value == allowed, f"measured.{attribute}", value, repr(allowed))
-    found, unit = _in_decibels(found, vertical)
+    found, unit = _convert_to_decibels(found, vertical)
     high = float(found.level.max())
     low, high = (high - LEVEL_RANGE, high) if levels is None else levels
     colours = {"cmap": "magma", "vmin": low, "vmax": high}
@@ -185,7 +185,7 @@ def order_map(
         map_axes.set_title(f"speed goes {direction}")
         level_axes.plot(run.rpm, run.overall, color="C0")
         if measured is not None:
-            measured_run = _select_direction(_in_decibels(measured, vertical)[0], direction)
+            measured_run = _select_direction(_convert_to_decibels(measured, vertical)[0], direction)
             _draw_circles(map_axes, measured_run, colours)
             options = {"zorder": 1, "label": "measured"}
             points = measured_run.rpm, measured_run.overall
@@ -200,7 +200,7 @@ def order_map(
     return figure
 
 
-def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
+def _convert_to_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
     """Prepare an order map for drawing: return it with levels in dB, and the unit of the levels.
 
     The variables `level` and `overall` of the new map are in dB; `direction` is "up" or "down", the
@@ -208,7 +208,7 @@ def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
     axis, which shows `vertical`, "order" or "frequency"; `scale` is the height over the order.
     Order 0, the mean, is left out.
     """
-    data = _with_empty_blocks(data.isel(order=slice(1, None)))
+    data = _insert_empty_blocks(data.isel(order=slice(1, None)))
     unit = data.overall.attrs.get("units", "N")
     reference, name = REFERENCE_UNITS.get(unit, (1.0, unit))
     # Squared amplitudes ("power") are converted to amplitudes.
@@ -224,7 +224,7 @@ def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
     return data.assign(levels | {"direction": direction}), f"dB re 1 {name}"
 
 
-def _with_empty_blocks(data: xr.Dataset) -> xr.Dataset:
+def _insert_empty_blocks(data: xr.Dataset) -> xr.Dataset:
     """Return an order map with an empty block (NaN) at both ends of each gap in its times.
 
     A block is the samples of which one spectrum is computed: as many revolutions as the inverse of
@@ -251,7 +251,7 @@ def _draw_circles(axes, measured: xr.Dataset, colours: dict):
     """Draw circles coloured by level on the mesh orders of a measured order map.
 
     Mesh orders are the multiples of the number of teeth. `measured` has variables of
-    `_in_decibels`: levels in dB over speed ("rpm") and order. `colours` has the entries cmap, vmin
+    `_convert_to_decibels`: levels in dB over speed ("rpm") and order. `colours` has the entries cmap, vmin
     and vmax, the last two in dB. At most `MAX_CIRCLES` circles are drawn on each order.
     """
     block_step = max(1, math.ceil(measured.sizes["time"] / MAX_CIRCLES))
@@ -269,7 +269,7 @@ def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
     """Draw dashed lines at the orders of characteristic frequencies, such as the shaft frequency.
 
     Each kind of frequency has its colour and an entry in the legend. `run` has variables of
-    `_in_decibels`, among them the speed ("rpm") and the height over the order ("scale").
+    `_convert_to_decibels`, among them the speed ("rpm") and the height over the order ("scale").
     `frequencies` is a result of `gearlib.characteristic_frequencies`; its frequencies are in Hz at
     its `speed` in rpm.
     """
@@ -293,7 +293,7 @@ def _draw_mesh_orders(axes, data: xr.Dataset):
     """Draw labelled lines at mesh orders and their subharmonic, and dotted lines at sidebands.
 
     Mesh orders are the multiples of z, the number of teeth (`teeth` of `data`), and z/2 is the
-    subharmonic. `data` is an order map of `_in_decibels`, whose `scale` is the height over the
+    subharmonic. `data` is an order map of `_convert_to_decibels`, whose `scale` is the height over the
     order. Lines need only their ends and the point of the lowest speed, where they may bend.
     """
     slowest = int(np.abs(data.rpm).argmin("time"))
@@ -321,7 +321,7 @@ _FOLD_LINE = {"line": style.DASHED, "linewidth": 0.6}
 _FOLD_CODE = 1
 
 
-@style.styled()
+@style.rc_context()
 def draw_run_ups(run_ups: xr.Dataset, *, resonance=None, branches=None):
     """Return a figure of the displacement extrema in run-ups, above an order map of the slowest.
 
@@ -339,11 +339,11 @@ def draw_run_ups(run_ups: xr.Dataset, *, resonance=None, branches=None):
     if resonance is not None:
         _draw_sweeps(axes, resonance.sortby("tuning"), str(run_ups.damping.values))
         colour, width = _SWEEP_LINE["color"], _SWEEP_LINE["linewidth"]
-        handles.append(style.legend_entry("sweeps", colour, linewidth=width))
+        handles.append(style.legend_handle("sweeps", colour, linewidth=width))
     if branches is not None:
         for tuning in np.unique(branches.tuning.values[branches.label.values == _FOLD_CODE]):
             axes.axvline(tuning, color="black", linestyle=_FOLD_LINE["line"], linewidth=0.6)
-        handles.append(style.legend_entry("fold", **_FOLD_LINE))
+        handles.append(style.legend_handle("fold", **_FOLD_LINE))
     axes.set_xlim(run_ups.tuning.min(), run_ups.tuning.max())
     axes.set_ylabel("largest and smallest displacement\n(static deflections)")
     axes.legend(handles=handles, ncols=2)

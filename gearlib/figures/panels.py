@@ -74,23 +74,23 @@ def value_labels(coordinate: xr.DataArray) -> list[str]:
     if isinstance(values[0], str):
         return [_VALUE_LABELS.get(value, style.typeset_dampings(value)) for value in values]
     name, unit = name_and_unit(coordinate)
-    return [f"{name} = {text} {unit}".strip() for text in style.number_texts(values)]
+    return [f"{name} = {text} {unit}".strip() for text in style.format_numbers(values)]
 
 
-def tuning_texts(tunings: ArrayLike, speeds: ArrayLike | None = None) -> list[str]:
+def format_tunings(tunings: ArrayLike, speeds: ArrayLike | None = None) -> list[str]:
     """Return each tuning as text; a tuning computed from a speed is followed by this speed.
 
     The tuning is the mesh frequency over the natural frequency. Computed tunings have more digits
     than those that a user wrote. `speeds`, in rpm, has the speed of each tuning; with None no text
     has a speed.
     """
-    texts = style.number_texts(tunings, digits=4, form="f", decimals=2)
+    texts = style.format_numbers(tunings, digits=4, form="f", decimals=2)
     if speeds is None:
         return texts
     for i, (tuning, rpm) in enumerate(
-        zip(np.ravel(tunings).tolist(), style.number_texts(speeds), strict=True)
+        zip(np.ravel(tunings).tolist(), style.format_numbers(speeds), strict=True)
     ):
-        if not style.is_given(tuning):
+        if not style.has_few_digits(tuning):
             texts[i] += f" ({rpm} rpm)"
     return texts
 
@@ -108,25 +108,25 @@ def plot_options(coordinate: xr.DataArray, colours: dict | None = None) -> dict[
     }
 
 
-def plain_ticks(axis: Axis):
+def set_plain_ticks(axis: Axis):
     """Label the ticks of a logarithmic axis over few decades with plain numbers such as 1.5."""
     axis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
 
 
-def legend_entries(styles: dict[str, dict]) -> list[Line2D]:
+def legend_handles(styles: dict[str, dict]) -> list[Line2D]:
     """Return a legend handle for each curve; `styles` maps curves to options of `Axes.plot`."""
     return [Line2D([], [], **options) for options in styles.values()]
 
 
-def in_mesh_periods(dataset: xr.Dataset, name="phase") -> xr.Dataset:
+def phase_to_mesh_periods(dataset: xr.Dataset, name="phase") -> xr.Dataset:
     """Return a dataset with its phase coordinate `name` converted from rad to mesh periods."""
     periods = dataset[name] / (2.0 * np.pi)
     return dataset.assign_coords({name: periods.assign_attrs(long_name="mesh periods", units="1")})
 
 
-def in_unit(variable: xr.DataArray, size: float, unit: str) -> xr.DataArray:
+def convert_unit(variable: xr.DataArray, size: float, unit: str) -> xr.DataArray:
     """Return a variable divided by `size`, the size of the new `unit` in the present unit."""
     return (variable / size).assign_attrs(variable.attrs | {"units": unit})
 
@@ -149,7 +149,7 @@ def draw_curves(
         line_styles = {
             value: {"linestyle": dashes, "label": label}
             for value, label, dashes in zip(
-                values, value_labels(data[line]), cycle(style.LINES), strict=False
+                values, value_labels(data[line]), cycle(style.LINE_STYLES), strict=False
             )
         }
     for colour_value, colour_style in colour_styles.items():
@@ -196,5 +196,5 @@ def draw_panels(
     # Matplotlib labels lines that have no label with a leading underscore.
     entries = [entry for entry in entries if not str(entry.get_label()).startswith("_")]
     if entries:
-        style.legend(figure, entries, columns=min(len(entries), 4))
+        style.add_legend(figure, entries, columns=min(len(entries), 4))
     return grid

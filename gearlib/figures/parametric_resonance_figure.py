@@ -5,7 +5,7 @@ from itertools import chain
 import numpy as np
 import xarray as xr
 
-from gearlib.colours import of_categories
+from gearlib.colours import distinct_colours
 from gearlib.figures import panels, style
 
 _Y_LABELS = {
@@ -17,7 +17,7 @@ _COLOURS = ("#000000", "#0072B2", "#009E73", "#D55E00", "#CC79A7")
 _PAIR_LINE = {"color": "black", "linewidth": 0.7, "linestyle": (0, (4, 3)), "label": "the pair"}
 
 
-@style.styled()
+@style.rc_context()
 def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
     """Return a stability chart: growth and instability tongues in three planes of parameters.
 
@@ -52,7 +52,7 @@ def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
         axes.set(xlabel=panels.axis_label(chart.tuning), ylabel=_Y_LABELS[plane_name])
     label = panels.axis_label(chart.growth)
     figure.colorbar(image, ax=list(grid.values()), label=label, aspect=40)
-    style.legend(figure, grid["stiffness_ratio"], columns=6, side="upper")
+    style.add_legend(figure, grid["stiffness_ratio"], columns=6, side="upper")
     return figure
 
 
@@ -67,8 +67,8 @@ def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
     growth = plane.growth.where(plane.growth > 0.0)
     options = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": max_growth, "shading": "nearest"}
     image = axes.pcolormesh(plane.tuning, plane.value, growth, rasterized=True, **options)
-    colours = chain(_COLOURS, of_categories(_COLOURS))
-    texts = style.number_texts(plane.damping.values, digits=3)
+    colours = chain(_COLOURS, distinct_colours(_COLOURS))
+    texts = style.format_numbers(plane.damping.values, digits=3)
     for damping, text, colour in zip(plane.damping, texts, colours, strict=False):
         tongues = plane.sel(damping=damping).transpose("row", ...)
         options = {"color": colour, "linewidth": 0.8}
@@ -76,7 +76,7 @@ def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
         axes.plot(tongues.tuning_from, plane.value, **options)
         axes.plot(tongues.tuning_to, plane.value, **options)
     axes.set(xscale="log", xlim=plane.tuning.values[[0, -1]], ylim=plane.value.values[[0, -1]])
-    panels.plain_ticks(axes.xaxis)
+    panels.set_plain_ticks(axes.xaxis)
     return image
 
 

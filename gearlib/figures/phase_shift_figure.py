@@ -5,7 +5,7 @@ import xarray as xr
 from gearlib.figures import panels, style
 
 
-@style.styled()
+@style.rc_context()
 def draw(lags: xr.Dataset):
     """Return a figure of phase lags of the motion behind the mesh stiffness.
 
@@ -19,7 +19,7 @@ def draw(lags: xr.Dataset):
     axes = figure.subplot_mosaic(mosaic, height_ratios=(1.0, 1.6, 1.8))
     styles = panels.plot_options(lags.damping)
     curve_options = {"colour": "damping", "styles": styles}
-    periods = panels.in_mesh_periods(lags)
+    periods = panels.phase_to_mesh_periods(lags)
     step_options = {"color": "black", "drawstyle": "steps-post"}
     panels.draw_curves(axes["stiffness"], periods, "phase", "stiffness", **step_options)
     entries = panels.draw_curves(axes["motion"], periods, "phase", "displacement", **curve_options)
@@ -33,7 +33,7 @@ def draw(lags: xr.Dataset):
     lags_with_gaps = lags.assign(first_lag=lags.first_lag.where(~wraps))
     panels.draw_curves(axes["tuning"], lags_with_gaps, "tuning", "first_lag", **curve_options)
     axes["tuning"].axvline(lags.shown_tuning, color="black", linewidth=0.6, linestyle=":")
-    style.legend(figure, entries, columns=4)
+    style.add_legend(figure, entries, columns=4)
     return figure
 
 

@@ -29,7 +29,7 @@ class Curve:
     style: CurveStyle
 
 
-def require(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, dim=None):
+def require_variables(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, dim=None):
     """Raise ValueError unless a dataset has the variables `names`, each over the dimension `dim`.
 
     With None as `dim` they may have any dimensions. The message names `gearlib.plot.<caller>`, the
@@ -45,7 +45,7 @@ def require(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, 
             )
 
 
-def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Curve]:
+def create_curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Curve]:
     """Return a `Curve` (data, label, style) for each damping, direction, mesh and case of datasets.
 
     Each dataset must have the variables `names` over the dimension `dim`. `labels` has a string for
@@ -53,16 +53,16 @@ def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Cu
     damping. Labels leave out properties that all curves have in common. Error messages name
     `caller`, a function of `gearlib.plot`, and `source`, a function of `gearlib`.
     """
-    # Without datasets, None makes `require` raise an error that names the missing variable.
+    # Without datasets, None makes `require_variables` raise an error that names the missing variable.
     for dataset in datasets or [None]:
-        require(caller, dataset, names, source, dim)
+        require_variables(caller, dataset, names, source, dim)
     if labels is not None:
         allowed = f"{len(datasets)} texts, one for each dataset"
         texts = [text for text in checks.check_sequence("labels", labels) if isinstance(text, str)]
         checks.require(len(texts) == len(labels) == len(datasets), "labels", labels, allowed)
     data, properties = [], []
     for i, dataset in enumerate(datasets):
-        origin = _origin(dataset) if labels is None else {"label": labels[i]}
+        origin = _sweep_properties(dataset) if labels is None else {"label": labels[i]}
         dims = [dim for dim in CURVE_DIMENSIONS if dim in dataset[names[0]].dims]
         for values in product(*(dataset[dim].values for dim in dims)):
             data.append(dataset.sel(dict(zip(dims, values, strict=True))))
@@ -77,10 +77,10 @@ def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Cu
     distinct = [
         {name: value for name, value in curve.items() if name not in common} for curve in properties
     ]
-    return [*map(Curve, data, map(_label, distinct), _curve_styles(distinct))]
+    return [*map(Curve, data, map(_legend_label, distinct), _curve_styles(distinct))]
 
 
-def _origin(dataset: xr.Dataset) -> dict[str, str]:
+def _sweep_properties(dataset: xr.Dataset) -> dict[str, str]:
     """Return the direction of a sweep and its damping as a dict, as far as the dataset states them.
 
     The direction is an argument of the run, stored as JSON in the attribute "parameters".
@@ -94,7 +94,7 @@ def _origin(dataset: xr.Dataset) -> dict[str, str]:
     return origin
 
 
-def _label(properties: dict[str, str]) -> str:
+def _legend_label(properties: dict[str, str]) -> str:
     """Return the legend label of a curve: damping, direction and so on, joined by commas."""
     if properties.get("direction") in DIRECTION_LABELS:
         properties = properties | {"direction": DIRECTION_LABELS[properties["direction"]]}
@@ -116,13 +116,13 @@ def _curve_styles(properties: list[dict[str, str]]) -> Iterator[CurveStyle]:
     styles = style.curve_styles(list(dict.fromkeys(colour_keys)))
     for colour_key, curve in zip(colour_keys, properties, strict=True):
         default = styles[colour_key]
-        line_and_marker = default.line, default.marker
+        line_and_marker = default.line_style, default.marker
         if curve.get("direction") in WARM_STARTED_STYLES:
             line_and_marker = WARM_STARTED_STYLES[curve["direction"]]
         yield CurveStyle(default.colour, *line_and_marker)
 
 
-def axes_or_new(axes: Axes | None) -> Axes:
+def get_axes(axes: Axes | None) -> Axes:
     """Return `axes`, or the axes of a new pyplot figure if it is None.
 
     Raise an `InputError` if `axes` are no axes of matplotlib.
@@ -150,7 +150,7 @@ def have_si_units(curves: list[Curve]) -> bool:
     return common_scalar(curves, "static_deflection") not in (None, 1.0)
 
 
-def add_si_scale(axes: Axes, curves: list[Curve], variable: str, side: str):
+def add_si_axis(axes: Axes, curves: list[Curve], variable: str, side: str):
     """Add a second scale, in SI units, for a dimensionless variable on the side "top" or "right".
 
     `SI_SCALES` names the variable that has its factor to SI units. Nothing is added unless this
@@ -164,10 +164,10 @@ def add_si_scale(axes: Axes, curves: list[Curve], variable: str, side: str):
     if unit == "m":
         unit_size, unit = style.length_unit(factor)
         factor /= unit_size
-    style.second_scale(axes, factor, f"{variable.replace('_', ' ')} ({unit})", side)
+    style.add_secondary_axis(axes, factor, f"{variable.replace('_', ' ')} ({unit})", side)
 
 
-def shade_backlash(axes: Axes, curves: list[Curve], direction: str):
+def shade_lost_contact(axes: Axes, curves: list[Curve], direction: str):
     """Shade the displacements without drive-side contact if all curves have the same backlash.
 
     `direction` is the axis of displacement, "x" or "y". The axis limits do not change.

@@ -28,7 +28,7 @@ MOTION_KINDS = tuple(MOTIONS.items())
 _MAIN_HEIGHT, _PANEL_HEIGHT, _LEGEND_HEIGHT, _COLUMNS = 5.1, 1.6, 0.4, 2
 
 
-@style.styled()
+@style.rc_context()
 def draw_resonance(
     resonance, *, colours=None, labels=(), branches=(), tongues=None, measured=(), forces=False
 ):
@@ -61,19 +61,21 @@ def draw_resonance(
     if forces:
         _draw_forces(grid[1, 0], from_rest, curve_styles, measured)
     if with_panels:
-        displacement_limits = _limits(resonance, coast_side=not forces, max_overshoot=0.0)
+        displacement_limits = _displacement_limits(
+            resonance, coast_side=not forces, max_overshoot=0.0
+        )
         for number, (name, curve_style) in enumerate(curve_styles.items()):
             axes = lower_area.add_subplot(rows, columns, 1 + number, ylim=displacement_limits)
             if tongues is not None and name in tongues.damping:
                 _shade_tongues(axes, tongues.sel(damping=name))
-            sweeps, motion_kinds = resonance.sel(damping=name), _of_damping(labels, name)
-            _draw_panel(axes, sweeps, curve_style, motion_kinds, _of_damping(branches, name))
+            sweeps, motion_kinds = resonance.sel(damping=name), _find_damping(labels, name)
+            _draw_panel(axes, sweeps, curve_style, motion_kinds, _find_damping(branches, name))
             if number >= len(curve_styles) - columns:
                 axes.set_xlabel(style.TUNING_LABEL)
             if number % columns == 0:
                 axes.set_ylabel(style.DISPLACEMENT_LABEL)
-        handles = _legend_entries(from_rest, other_directions, labels, branches, tongues)
-        style.legend(figure, handles, columns=5, fontsize=6.5, columnspacing=1.2)
+        handles = _legend_handles(from_rest, other_directions, labels, branches, tongues)
+        style.add_legend(figure, handles, columns=5, fontsize=6.5, columnspacing=1.2)
     return figure
 
 
@@ -86,7 +88,7 @@ def sweeps_from_rest(resonance: xr.Dataset) -> xr.Dataset:
     return resonance.sel(direction="cold" if "cold" in directions else directions[0])
 
 
-def shown_range(sweeps: xr.Dataset, names: tuple, max_overshoot=1.0) -> tuple[float, float]:
+def visible_range(sweeps: xr.Dataset, names: tuple, max_overshoot=1.0) -> tuple[float, float]:
     """Return the range (lower, upper) of values to show of the variables `names` of sweeps.
 
     The range includes 0 and all settled (periodic) motions, whose period is above 0. Other motions
@@ -106,18 +108,20 @@ def shown_range(sweeps: xr.Dataset, names: tuple, max_overshoot=1.0) -> tuple[fl
     return min([low, *shown]), max([high, *shown])
 
 
-def _limits(sweeps: xr.Dataset, coast_side: bool, max_overshoot=1.0) -> tuple[float, float]:
+def _displacement_limits(
+    sweeps: xr.Dataset, coast_side: bool, max_overshoot=1.0
+) -> tuple[float, float]:
     """Return axis limits of the displacement in sweeps.
 
     With `coast_side` they include the displacement at which the coast-side flanks touch, unless it
     is far from all displacements. Motions that are not periodic are included if they exceed the
     range of the periodic ones by at most `max_overshoot` times this range.
     """
-    low, high = shown_range(sweeps, EXTREMA, max_overshoot)
+    low, high = visible_range(sweeps, EXTREMA, max_overshoot)
     backlash = float(sweeps.backlash_ratio)
     if coast_side and backlash < 2.0 * (high - low):
         low = min(low, -1.25 * backlash)
-    return style.limits((low, high))
+    return style.axis_limits((low, high))
 
 
 def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured, coast_side: bool):
@@ -127,8 +131,8 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
     names of damping combinations to styles. With `coast_side` the limits include the displacement
     at which the coast-side flanks touch.
     """
-    axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
-    axes.set_ylim(_limits(sweeps, coast_side))
+    axes.set_xlim(style.axis_limits(sweeps.tuning.values, margin=0.01))
+    axes.set_ylim(_displacement_limits(sweeps, coast_side))
     box = style.white_box(padding=0.2, opacity=0.8)
     options = {"style": "italic", "fontsize": None, "bbox": box, "zorder": 5}
     options |= {"coords": ("axes fraction", "data"), "anchor": "center center"}
@@ -140,19 +144,19 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
         axes, measured, EXTREMA, curve_styles
     )
     if (sweeps.period.values == 0).any():
-        handles.append(style.legend_entry("not settled", "0.3", "none", ".", markersize=3))
+        handles.append(style.legend_handle("not settled", "0.3", "none", ".", markersize=3))
     # Undamped motions fill the whole panel, so that the legend is below it.
-    style.legend(axes.figure, handles, columns=len(handles))
+    style.add_legend(axes.figure, handles, columns=len(handles))
     axes.set(xlabel=style.TUNING_LABEL, ylabel=EXTREMA_LABEL)
     # Three scales lie above the panel, at positions relative to its height: the tunings relative to
     # the largest and the smallest stiffness, and the speed.
     for extremum, position in (("max", 1.0), ("min", 1.115)):
         factor = float(sweeps[f"tuning_factor_{extremum}"])
         label = f"tuning $\\nu_\\mathrm{{{extremum}}}$"
-        style.second_scale(axes, factor, label, position=position)
+        style.add_secondary_axis(axes, factor, label, position=position)
     speed_per_tuning = float(sweeps.speed[-1] / sweeps.tuning[-1])
-    style.second_scale(axes, speed_per_tuning, panels.axis_label(sweeps.speed), position=1.23)
-    style.length_scale(axes, float(sweeps.static_deflection), "displacement")
+    style.add_secondary_axis(axes, speed_per_tuning, panels.axis_label(sweeps.speed), position=1.23)
+    style.add_length_axis(axes, float(sweeps.static_deflection), "displacement")
 
 
 def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
@@ -162,13 +166,13 @@ def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
     names of damping combinations to styles. The title, the start of the dataset's comment, warns if
     forces jump with the stiffness, because no dynamic factor K_v follows from them.
     """
-    axes.set_ylim(0.0, 1.05 * shown_range(sweeps, FORCE)[1])
+    axes.set_ylim(0.0, 1.05 * visible_range(sweeps, FORCE)[1])
     _draw_dampings(axes, sweeps, curve_styles, FORCE)
     axes.axhline(1.0, color="#8C8C8C", linewidth=0.6, zorder=1)
     axes.set(xlabel=style.TUNING_LABEL, ylabel=panels.axis_label(sweeps[FORCE[0]], width=24))
     warning = sweeps.attrs.get("comment", "").partition(":")[0]
     axes.set_title(textwrap.fill(warning, 70), fontsize="small")
-    style.second_scale(axes, float(sweeps.force_scale) / 1e3, "mesh force (kN)", "right")
+    style.add_secondary_axis(axes, float(sweeps.force_scale) / 1e3, "mesh force (kN)", "right")
     measured_figure.draw_curves(axes, measured, FORCE, curve_styles)
 
 
@@ -184,7 +188,7 @@ def _draw_dampings(axes, sweeps: xr.Dataset, curve_styles: dict, names: tuple, w
         draw_sweep(axes, sweep, curve_style, marker_shift, names, width, label)
 
 
-def _of_damping(datasets, damping: str) -> xr.Dataset | None:
+def _find_damping(datasets, damping: str) -> xr.Dataset | None:
     """Return the first of the datasets that has the damping combination `damping`, or None."""
     return next((data for data in datasets if data.damping == damping), None)
 
@@ -198,7 +202,7 @@ def _draw_panel(axes, sweeps: xr.Dataset, curve_style: style.CurveStyle, motion_
     drawn as thin lines.
     """
     axes.set_title(style.typeset_dampings(str(sweeps.damping.item())))
-    axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
+    axes.set_xlim(style.axis_limits(sweeps.tuning.values, margin=0.01))
     style.shade_lost_contact(axes, float(sweeps.backlash_ratio), "y")
     if branches is not None:
         for variable in EXTREMA:
@@ -228,7 +232,7 @@ def _shade_tongues(axes, tongues: xr.Dataset):
             axes.axvspan(low, high, color=TONGUE_COLOUR, linewidth=0, zorder=0.5)
 
 
-def _legend_entries(from_rest, other_directions: list[str], motion_kinds, branches, tongues):
+def _legend_handles(from_rest, other_directions: list[str], motion_kinds, branches, tongues):
     """Return the legend handles that the panels of all damping combinations share.
 
     `from_rest` are the sweeps drawn with broad lines, `other_directions` the directions of the
@@ -237,13 +241,13 @@ def _legend_entries(from_rest, other_directions: list[str], motion_kinds, branch
     with parametric resonance) are a dataset or None.
     """
     label = DIRECTION_LABELS[from_rest.direction.item()]
-    handles = [style.legend_entry(label, FROM_REST_COLOUR, linewidth=3.0)]
+    handles = [style.legend_handle(label, FROM_REST_COLOUR, linewidth=3.0)]
     for name in other_directions:
         dashes_and_marker = WARM_STARTED_STYLES[name]
-        handles.append(style.legend_entry(DIRECTION_LABELS[name], "black", *dashes_and_marker))
+        handles.append(style.legend_handle(DIRECTION_LABELS[name], "black", *dashes_and_marker))
     if branches:
-        handles.append(style.legend_entry("stable orbit", linewidth=0.7))
-        handles.append(style.legend_entry("unstable orbit", line=style.DASHED, linewidth=0.7))
+        handles.append(style.legend_handle("stable orbit", linewidth=0.7))
+        handles.append(style.legend_handle("unstable orbit", line=style.DASHED, linewidth=0.7))
     codes = {code for data in motion_kinds for code in data.label.values}
     handles += [
         Patch(facecolor=colour, label=f"from rest: {name}")
@@ -273,7 +277,11 @@ def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=
         # first and last tuning have neighbours, too.
         is_settled = np.pad(is_inside & (sweep.period.values > 0), 1)
         has_line = is_settled[1:-1] & (is_settled[:-2] | is_settled[2:])
-        line = {"color": curve_style.colour, "linestyle": curve_style.line, "linewidth": width}
+        line = {
+            "color": curve_style.colour,
+            "linestyle": curve_style.line_style,
+            "linewidth": width,
+        }
         line["label"] = label if name == names[0] else None
         markers = {"marker": curve_style.marker, "markersize": 3.5}
         markers["markevery"] = int(marker_shift * marker_step), marker_step
@@ -289,7 +297,7 @@ def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=
             style.draw_markers(axes, tuning[mask], y, *marker_style, markeredgewidth=0)
 
 
-@style.styled()
+@style.rc_context()
 def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     """Return a figure of the resonance characteristics of several gear pairs.
 
@@ -301,9 +309,11 @@ def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     """
     figure = style.page_figure(height=6.0)
     displacement_axes, force_axes = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
-    sweeps = [_in_micrometres(sweeps_from_rest(data.sortby("tuning"))) for data in curves]
-    displacement_axes.set_ylim(style.limits(*(shown_range(data, EXTREMA) for data in sweeps)))
-    force_axes.set_ylim(0.0, 1.05 * max(shown_range(data, FORCE)[1] for data in sweeps))
+    sweeps = [_convert_to_micrometres(sweeps_from_rest(data.sortby("tuning"))) for data in curves]
+    displacement_axes.set_ylim(
+        style.axis_limits(*(visible_range(data, EXTREMA) for data in sweeps))
+    )
+    force_axes.set_ylim(0.0, 1.05 * max(visible_range(data, FORCE)[1] for data in sweeps))
     cases = zip(sweeps, labels, style.curve_styles(range(len(sweeps))).values(), strict=True)
     for number, (case_sweeps, case, case_style) in enumerate(cases):
         dampings = [str(name) for name in case_sweeps.damping.values]
@@ -316,11 +326,11 @@ def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     displacement_axes.set_ylabel("displacement (µm)")
     force_axes.set_ylabel(panels.axis_label(sweeps[0][FORCE[0]], width=24))
     force_axes.set_xlabel(style.TUNING_LABEL)
-    style.legend(figure, displacement_axes, columns=3)
+    style.add_legend(figure, displacement_axes, columns=3)
     return figure
 
 
-def _in_micrometres(sweeps: xr.Dataset) -> xr.Dataset:
+def _convert_to_micrometres(sweeps: xr.Dataset) -> xr.Dataset:
     """Return sweeps with displacements in micrometres instead of static deflections."""
     micrometres = 1e6 * sweeps.static_deflection
     return sweeps.assign({name: micrometres * sweeps[name] for name in EXTREMA})
@@ -330,7 +340,7 @@ def _in_micrometres(sweeps: xr.Dataset) -> xr.Dataset:
 _UNIT_HEIGHT = 2.3
 
 
-@style.styled()
+@style.rc_context()
 def draw_nonlinear_damping(studies: list[xr.Dataset]):
     """Return a figure of nonlinear damping: resonance sweeps above, phase planes below.
 
@@ -351,7 +361,7 @@ def draw_nonlinear_damping(studies: list[xr.Dataset]):
         styles = panels.plot_options(data.power)
         _draw_extrema(column[0], data, styles)
         speeds = tunings * float(data.speed[0, -1] / data.tuning[-1])
-        labels = panels.tuning_texts(tunings, speeds)
+        labels = panels.format_tunings(tunings, speeds)
         for axes, tuning, label in zip(column[1:], tunings, labels, strict=True):
             _draw_phase_planes(axes, data.sel(shown=tuning), styles)
             axes.set_title(f"tuning ν = {label}, from rest")
@@ -363,7 +373,7 @@ def draw_nonlinear_damping(studies: list[xr.Dataset]):
     for axes in grid[0]:
         style.shade_lost_contact(axes, float(studies[0].backlash_ratio), "y")
     options = {"title": "damping (pale: sweep down)", "title_fontsize": 7.5}
-    style.legend(figure, panels.legend_entries(styles), columns=len(styles), **options)
+    style.add_legend(figure, panels.legend_handles(styles), columns=len(styles), **options)
     return figure
 
 
@@ -381,7 +391,7 @@ def _draw_extrema(axes, data: xr.Dataset, styles: dict[str, dict]):
             panels.draw_curves(axes, sweep, "tuning", name, **curve_options)
     axes.set(title=f"damping of the {data.place.item()} only", ylabel="")
     axes.set_xlim(data.tuning[0], data.tuning[-1])
-    style.second_scale(axes, float(data.speed[0, -1] / data.tuning[-1]), "speed (rpm)")
+    style.add_secondary_axis(axes, float(data.speed[0, -1] / data.tuning[-1]), "speed (rpm)")
 
 
 def _draw_phase_planes(axes, data: xr.Dataset, styles: dict[str, dict]):

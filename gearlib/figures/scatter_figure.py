@@ -22,7 +22,7 @@ _BAND_OPACITY = 0.25
 _GREY = "#CFCFCF"
 
 
-@style.styled()
+@style.rc_context()
 def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[str, Figure]:
     """Return two figures of the scatter of results due to tolerances, in a dict by name.
 
@@ -35,7 +35,7 @@ def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[st
     }
 
 
-@style.styled()
+@style.rc_context()
 def draw_bands(scattered: xr.Dataset):
     """Return a figure of the scatter over the speed: quantile bands, and probabilities below.
 
@@ -52,7 +52,7 @@ def draw_bands(scattered: xr.Dataset):
     curve_styles = style.curve_styles(map(str, scattered.direction.values))
     handles = []
     for direction, curve_style in curve_styles.items():
-        line = {"color": curve_style.colour, "linestyle": curve_style.line}
+        line = {"color": curve_style.colour, "linestyle": curve_style.line_style}
         # Seeded starts may end on several motions, for which one band would have no meaning.
         if direction != "seeded" or len(curve_styles) == 1:
             low, median, high = band.sel(direction=direction).values / unit_size
@@ -62,7 +62,7 @@ def draw_bands(scattered: xr.Dataset):
         probability = scattered.contact_loss_probability.sel(direction=direction)
         probability_axes.plot(x, probability, **line)
         label = _DIRECTIONS[direction]
-        handles.append(style.legend_entry(label, curve_style.colour, curve_style.line))
+        handles.append(style.legend_handle(label, curve_style.colour, curve_style.line_style))
     handles.append(Patch(color="black", alpha=_BAND_OPACITY, lw=0, label="5 to 95 %"))
     band_axes.legend(handles=handles)
     if "two_motions_probability" in scattered:
@@ -71,15 +71,15 @@ def draw_bands(scattered: xr.Dataset):
             x, probability, color=_GREY, linewidth=0, zorder=0, label="two motions"
         )
         probability_axes.legend()
-    band_axes.set(ylim=(0.0, None), xlim=style.limits(x, margin=0.0))
-    band_axes.set_ylabel(panels.axis_label(panels.in_unit(band, unit_size, unit), width=40))
+    band_axes.set(ylim=(0.0, None), xlim=style.axis_limits(x, margin=0.0))
+    band_axes.set_ylabel(panels.axis_label(panels.convert_unit(band, unit_size, unit), width=40))
     probability_axes.set_ylim(0.0, 1.02)
     probability_axes.set_ylabel(panels.axis_label(scattered.contact_loss_probability, width=30))
     probability_axes.set_xlabel("speed (rpm)" if dim == "speed" else style.OWN_TUNING_LABEL)
     return figure
 
 
-@style.styled()
+@style.rc_context()
 def draw_quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
     """Return a figure of histograms of scattered quantities, with Sobol' indices beside them.
 
@@ -112,7 +112,7 @@ def _draw_histogram(axes, scattered: xr.Dataset, name: str):
     axes.set_ylabel("designs")
     if not values.size:
         return
-    low, high = style.limits(values / unit_size, margin=0.02)
+    low, high = style.axis_limits(values / unit_size, margin=0.02)
     axes.hist(values / unit_size, np.linspace(low, high, _BINS + 1), color=_GREY)
     nominal = float(scattered[f"{name}_nominal"]) / unit_size
     if math.isfinite(nominal):

@@ -56,8 +56,8 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     meshes = np.stack([layout.mesh_x, layout.mesh_y], axis=-1) @ rotation
     position_of = dict(zip(map(str, layout.body.values), positions, strict=True))
     circles, marks = [], []
-    body_circles = circles_of(layout).items()
-    for (name, radii), body_turn in zip(body_circles, layout.body_turns.values, strict=True):
+    named_circles = body_circles(layout).items()
+    for (name, radii), body_turn in zip(named_circles, layout.body_turns.values, strict=True):
         x, y = map(float, position_of[name])
         circles += [(x, y, radius, kind) for radius, kind in radii]
         if radii:
@@ -79,7 +79,7 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     return Drawing(circles, marks, arms, np.reshape(shafts, (-1, 2)), meshes)
 
 
-def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
+def body_circles(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
     """Return a dict: name of each body -> its circles, a list of (radius in m, kind).
 
     `layout` is a result of `GearTrain.layout`. The kind is "gear", "ring" (ring gear) or "rotor"
@@ -100,7 +100,7 @@ def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
     return {name: [*radii.items()] for name, radii in circles.items()}
 
 
-def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, title=()):
+def draw_schematic(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, title=()):
     """Draw a gear train in axes at a phase (rad) of the reference mesh.
 
     `layout` is a result of `GearTrain.layout`. `colours` maps mesh names to colours; with None they
@@ -134,7 +134,9 @@ def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, 
         style.draw_markers(axes, [x], [y], marker, colour, 4.0, zorder=5, **options)
     _draw_names(axes, names, drawing.meshes, colours)
     axes.set_axis_off()
-    axes.set_title("\n".join([*title, *text_lines(layout, codes)]), fontsize=6 if title else None)
+    axes.set_title(
+        "\n".join([*title, *contact_notes(layout, codes)]), fontsize=6 if title else None
+    )
 
 
 def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[str]):
@@ -158,7 +160,7 @@ def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[
             style.annotate(axes, names[i], (x, y), offset, anchor, color=colour, fontsize=5.5)
 
 
-def text_lines(layout: xr.Dataset, codes: list[int]) -> list[str]:
+def contact_notes(layout: xr.Dataset, codes: list[int]) -> list[str]:
     """Return text lines that explain contact markers and report inconsistent positions.
 
     `codes` are the contact codes of the meshes (1 drive side, 0 no contact, -1 coast side), of
@@ -174,7 +176,7 @@ def text_lines(layout: xr.Dataset, codes: list[int]) -> list[str]:
     return lines
 
 
-def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
+def select_phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
     """Return a phase, rad, and the contact codes of all meshes at this phase, as a pair.
 
     Codes are 1 (drive side), 0 (no contact) and -1 (coast side). `run` is a recorded run or a
@@ -198,7 +200,7 @@ def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
     return phase, run.contact.sel(phase=phase, method="nearest").values
 
 
-@style.styled()
+@style.rc_context()
 def draw_beside(axes: Axes, train, run=None) -> Axes:
     """Draw a `GearTrain` on the right of axes that fill a figure; return these axes.
 
@@ -210,9 +212,11 @@ def draw_beside(axes: Axes, train, run=None) -> Axes:
     width, height = axes.figure.get_size_inches()
     axes.figure.set_size_inches(width / (1.0 - _RELATIVE_WIDTH), height)
     layout = train.layout()
-    phase, contact = phase_and_contact(layout, None if run is None or int(run.status) else run)
+    phase, contact = select_phase_and_contact(
+        layout, None if run is None or int(run.status) else run
+    )
     title = "meshes of the train" if contact is None else "meshes at the first instant shown"
-    draw(axes.figure.add_subplot(grid[1]), layout, None, phase, contact, title=[title])
+    draw_schematic(axes.figure.add_subplot(grid[1]), layout, None, phase, contact, title=[title])
     return axes
 
 
@@ -232,5 +236,5 @@ def draw_train(figure: Figure, data: xr.Dataset, colours=None, below=False) -> F
     else:
         width_ratios = (1.0 - _RELATIVE_WIDTH, _RELATIVE_WIDTH)
         remaining, train_area = figure.subfigures(1, 2, width_ratios=width_ratios)
-    draw(train_area.subplots(), data, colours, title=["meshes of the train"])
+    draw_schematic(train_area.subplots(), data, colours, title=["meshes of the train"])
     return remaining

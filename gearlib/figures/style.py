@@ -42,7 +42,7 @@ PALETTE = colours_of.PALETTE
 
 # The first four markers come from the paper, in its order of the damping combinations.
 _MARKERS = ("s", "o", "x", "o", "^", "D")
-LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
+LINE_STYLES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
 _RC = {
     "axes.linewidth": 0.6,
@@ -96,7 +96,7 @@ class CurveStyle:
 
 
 @contextmanager
-def styled():
+def rc_context():
     """Apply the matplotlib settings `_RC` inside a `with` block or a decorated function.
 
     Afterwards all previous settings are restored, except that matplotlib stays interactive if it
@@ -116,9 +116,9 @@ def curve_styles(names, colours: dict | None = None) -> dict[Any, CurveStyle]:
     never a colour that stands for a kind of motion, such as chaotic motion.
     """
     colours = colours or {}
-    free_colours = colours_of.of_categories(colours.values())
+    free_colours = colours_of.distinct_colours(colours.values())
     styles = {}
-    for name, line, marker in zip(names, cycle(LINES), cycle(_MARKERS), strict=False):
+    for name, line, marker in zip(names, cycle(LINE_STYLES), cycle(_MARKERS), strict=False):
         colour = colours[name] if name in colours else next(free_colours)
         styles[name] = CurveStyle(colour, line, marker)
     return styles
@@ -129,12 +129,12 @@ def typeset_dampings(name: str) -> str:
     return re.sub(r"\bk1(m?)\b", lambda match: f"$k_{{1{match[1]}}}$", name).replace("+", " + ")
 
 
-def is_given(number: float) -> bool:
+def has_few_digits(number: float) -> bool:
     """Return whether a number looks as if a user wrote it: few digits, unlike computed numbers."""
     return float(f"{number:.{_GIVEN_DIGITS}g}") == number
 
 
-def number_texts(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[str]:
+def format_numbers(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[str]:
     """Return numbers as strings, with enough digits that different numbers have different strings.
 
     A number that a user wrote, which has few digits, keeps all of them, and gets at least
@@ -147,8 +147,8 @@ def number_texts(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[str
     for digit_count in range(digits, _GIVEN_DIGITS + 1):
         texts = []
         for number, full_text in zip(numbers, full_texts, strict=True):
-            if is_given(number):
-                texts.append(_with_decimals(full_text, decimals))
+            if has_few_digits(number):
+                texts.append(_pad_decimals(full_text, decimals))
             else:
                 texts.append(f"{number:.{digit_count}{form}}")
         if len({*texts}) == len({*full_texts}):
@@ -156,7 +156,7 @@ def number_texts(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[str
     return texts
 
 
-def _with_decimals(text: str, decimals: int) -> str:
+def _pad_decimals(text: str, decimals: int) -> str:
     """Return the string of a number, extended by zeros to at least `decimals` decimal places.
 
     Strings with an exponent, and "inf" and "nan", are returned unchanged.
@@ -218,7 +218,9 @@ def shade_lost_contact(axes: Axes, backlash: float, direction: str) -> dict[str,
     return visible_areas
 
 
-def second_scale(axes: Axes, factor: float, label: str, side="top", position: float | None = None):
+def add_secondary_axis(
+    axes: Axes, factor: float, label: str, side="top", position: float | None = None
+):
     """Add a labelled scale on the "top" or "right" side, which shows axis values times `factor`.
 
     `position` is in axes coordinates (1 at the frame, more outside); by default the scale is on the
@@ -231,13 +233,13 @@ def second_scale(axes: Axes, factor: float, label: str, side="top", position: fl
         axes.secondary_yaxis(position or side, functions=forward_and_inverse).set_ylabel(label)
 
 
-def length_scale(axes: Axes, deflection: float, label: str, side="right"):
+def add_length_axis(axes: Axes, deflection: float, label: str, side="right"):
     """Add a scale in m, mm, µm or nm for displacements that an axis shows in static deflections.
 
     `deflection` is the static deflection, m. The unit is appended to the `label`.
     """
     unit_size, unit = length_unit(deflection)
-    second_scale(axes, deflection / unit_size, f"{label} ({unit})", side)
+    add_secondary_axis(axes, deflection / unit_size, f"{label} ({unit})", side)
 
 
 def page_figure(height: float, relative_width=1.0) -> Figure:
@@ -256,12 +258,12 @@ def panel_figure(count: int, height: float, max_columns=2) -> tuple[Figure, list
     return figure, [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
 
 
-def legend_entry(label, colour="black", line="-", marker: str | None = None, **options) -> Line2D:
+def legend_handle(label, colour="black", line="-", marker: str | None = None, **options) -> Line2D:
     """Return a legend handle for a line style, or for a marker alone if `line` is "none"."""
     return Line2D([], [], color=colour, linestyle=line, marker=marker, label=label, **options)
 
 
-def legend(figure: FigureBase, handles: list | Axes, columns: int, side="lower", **options):
+def add_legend(figure: FigureBase, handles: list | Axes, columns: int, side="lower", **options):
     """Add a legend with `columns` columns below all panels, or above them if `side` is "upper".
 
     `handles` are lines and patches with labels, or the axes to take them from. `options` are passed
@@ -272,7 +274,9 @@ def legend(figure: FigureBase, handles: list | Axes, columns: int, side="lower",
     figure.legend(handles=handles, loc=f"outside {side} center", ncols=columns, **options)
 
 
-def draw_code_map(axes: Axes, x: ArrayLike, y: ArrayLike, codes: np.ndarray, colours: list[str]):
+def draw_category_map(
+    axes: Axes, x: ArrayLike, y: ArrayLike, codes: np.ndarray, colours: list[str]
+):
     """Draw integer codes 0, 1, ... over x and y as a map; `colours` has the colour of each code.
 
     `codes` has the shape (y.size, x.size).
@@ -308,7 +312,7 @@ def annotate(axes, text, point, offset=None, anchor="left center", coords="data"
     axes.annotate(text, point, xycoords=coords, ha=ha, va=va, **{"fontsize": 6} | options)
 
 
-def limits(*values: ArrayLike, margin=0.05) -> tuple[float, float]:
+def axis_limits(*values: ArrayLike, margin=0.05) -> tuple[float, float]:
     """Return axis limits (lower, upper) around the finite values of arrays.
 
     `margin` is the space on either side, relative to the span of the values. The span counts as at
@@ -331,10 +335,10 @@ def _widen_limits(axes: Axes):
         automatic = getattr(axes, f"get_autoscale{name}_on")()
         linear = getattr(axes, f"get_{name}scale")() == "linear"
         if automatic and linear and high - low < MIN_RELATIVE_SPAN * max(abs(low), abs(high)):
-            getattr(axes, f"set_{name}lim")(*limits((low, high)))
+            getattr(axes, f"set_{name}lim")(*axis_limits((low, high)))
 
 
-def note_absent(figure: Figure, methods: list[str]):
+def add_missing_package_note(figure: Figure, methods: list[str]):
     """Write above a figure which `methods` of integration it lacks, because packages are missing.
 
     The command `make peers`, which the note names, installs these packages.
@@ -345,7 +349,7 @@ def note_absent(figure: Figure, methods: list[str]):
         figure.suptitle(text, fontsize=6, x=0.99, ha="right")
 
 
-def name_gears(figure: Figure, name: str):
+def add_gear_caption(figure: Figure, name: str):
     """Write the name of the gears below a figure, which becomes higher to make room for it.
 
     A long name is wrapped into several lines.
@@ -374,7 +378,7 @@ def _freeze(figure: Figure):
     if figure.get_layout_engine() is None:
         return
     figure.draw_without_rendering()
-    # Legends must stay above the line that `name_gears` writes below the layout rectangle.
+    # Legends must stay above the line that `add_gear_caption` writes below the layout rectangle.
     rectangle = figure.get_layout_engine().get()["rect"]
     if rectangle[1]:
         for legend_box in figure.legends:
@@ -397,7 +401,7 @@ def save(figure: Figure, path: str | Path):
     file_format = path.suffix.removeprefix(".")
     if file_format not in _METADATA:
         raise ValueError(f"path = {str(path)!r} is not allowed: it must end in .png, .pdf or .svg")
-    with replacing(path) as temporary, styled():
+    with replacing(path) as temporary, rc_context():
         _freeze(figure)
         metadata = _METADATA[file_format]
         figure.savefig(temporary, format=file_format, dpi=figure.dpi, metadata=metadata)

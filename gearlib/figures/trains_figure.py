@@ -30,7 +30,7 @@ _SHARE_HEIGHT_RATIO = 0.35
 _MARKERS_ONLY = {"line": "none", "markersize": 3}
 
 
-@style.styled()
+@style.rc_context()
 def draw_sweep(curves: xr.Dataset):
     """Return a figure of force ratios and contact loss of all meshes of a train over the speed.
 
@@ -38,19 +38,19 @@ def draw_sweep(curves: xr.Dataset):
     `gearlib.studies.trains.over_speed`. The train is drawn beside the curves.
     """
     figure = style.page_figure(height=5.2)
-    styles = _with_decreasing_widths(panels.plot_options(curves.mesh))
+    styles = _set_decreasing_widths(panels.plot_options(curves.mesh))
     colours = {mesh: options["color"] for mesh, options in styles.items()}
     remaining = schematic.draw_train(figure, curves, colours)
     rows = [(name, styles) for name in (force_ratio(curves).name, "contact_loss_fraction")]
     grid = _draw_columns(remaining, [curves], "speed", rows)
     grid[-1, 0].set_xlabel("speed of the reference pinion (rpm)")
     tuning_per_speed = float(curves.tuning[-1] / curves.speed[-1])
-    style.second_scale(grid[0, 0], tuning_per_speed, style.OWN_TUNING_LABEL)
-    style.legend(figure, panels.legend_entries(styles) + _common_entries(), columns=4)
+    style.add_secondary_axis(grid[0, 0], tuning_per_speed, style.OWN_TUNING_LABEL)
+    style.add_legend(figure, panels.legend_handles(styles) + _common_legend_handles(), columns=4)
     return figure
 
 
-@style.styled()
+@style.rc_context()
 def draw_reducer(characteristics: xr.Dataset):
     """Return a figure of force ratios and load sharing in a reducer, with a column for each case.
 
@@ -71,7 +71,7 @@ def draw_reducer(characteristics: xr.Dataset):
             mesh: {"color": colours[mesh], "label": f"branch {branch_of[mesh]}, from rest"}
             for mesh in meshes[characteristics.mesh_stage.values == stage]
         }
-        stage_styles[stage] = _with_decreasing_widths(styles)
+        stage_styles[stage] = _set_decreasing_widths(styles)
     rows = [
         ("peak_force_ratio", stage_styles[1]),
         ("peak_force_ratio", stage_styles[2]),
@@ -86,15 +86,15 @@ def draw_reducer(characteristics: xr.Dataset):
         column[0].set_title(panels.value_label(case.case))
         column[-1].set_xlabel("tuning of the pair alone $\\nu$")
         speed_per_tuning = float(characteristics.speed[-1] / characteristics.tuning[-1])
-        style.second_scale(column[0], speed_per_tuning, "speed of the input (rpm)")
-    handles = panels.legend_entries(stage_styles[1]) + _common_entries()
+        style.add_secondary_axis(column[0], speed_per_tuning, "speed of the input (rpm)")
+    handles = panels.legend_handles(stage_styles[1]) + _common_legend_handles()
     for _, marker, label in _SINGLE_BRANCH_MARKERS.values():
-        handles.append(style.legend_entry(label, marker=marker, **_MARKERS_ONLY))
-    style.legend(figure, handles, columns=4, fontsize=6.5)
+        handles.append(style.legend_handle(label, marker=marker, **_MARKERS_ONLY))
+    style.add_legend(figure, handles, columns=4, fontsize=6.5)
     return figure
 
 
-def _with_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
+def _set_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
     """Add decreasing line widths to the plot options of curves in place; return the options.
 
     Curves that overlap are then all visible. `styles` maps curves to options of `Axes.plot`.
@@ -104,7 +104,7 @@ def _with_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
     return styles
 
 
-def _common_entries() -> list:
+def _common_legend_handles() -> list:
     """Return the legend handles that the figures of all gear trains share.
 
     They explain markers (motions of sweeps up and down that lie outside the range over all initial
@@ -114,10 +114,10 @@ def _common_entries() -> list:
     handles = []
     for direction, marker in _SWEPT_MARKERS.items():
         label = f"speed {direction}, where it differs"
-        handles.append(style.legend_entry(label, marker=marker, **options))
+        handles.append(style.legend_handle(label, marker=marker, **options))
     handles.append(Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"))
     handles.append(Patch(color="0.8", label="share of the starts that settle"))
-    handles.append(style.legend_entry("on one orbit", style.PALETTE[0], linewidth=0.9))
+    handles.append(style.legend_handle("on one orbit", style.PALETTE[0], linewidth=0.9))
     return handles
 
 
@@ -193,7 +193,7 @@ _OTHER_MODE_COLOUR, _LOST_CONTACT_COLOUR = "0.5", "#F0E442"
 _INTERSECTIONS = {True: ("excited", "black", 3.5), False: ("not excited", "white", 2.5)}
 
 
-@style.styled()
+@style.rc_context()
 def draw_campbell(diagram: xr.Dataset):
     """Return a Campbell diagram (natural and mesh frequencies over speed) of a gear train.
 
@@ -218,10 +218,12 @@ def draw_campbell(diagram: xr.Dataset):
             frequencies = mesh_frequency_per_speed(diagram) * relative_frequency * speeds
             axes.plot(speeds, frequencies, color=_LOST_CONTACT_COLOUR, linewidth=5, zorder=0.5)
     axes.axvline(speed[0], color="0.6", linestyle=":", linewidth=0.8, zorder=0.4)
-    style.second_scale(axes, float(diagram.tuning[-1]) / speed[-1], style.OWN_TUNING_LABEL)
-    handles.append(style.legend_entry("sweeps begin", "0.6", ":", linewidth=0.8))
-    handles.append(style.legend_entry("contact lost in a sweep", _LOST_CONTACT_COLOUR, linewidth=5))
-    style.legend(figure, handles, columns=4, fontsize=6.5)
+    style.add_secondary_axis(axes, float(diagram.tuning[-1]) / speed[-1], style.OWN_TUNING_LABEL)
+    handles.append(style.legend_handle("sweeps begin", "0.6", ":", linewidth=0.8))
+    handles.append(
+        style.legend_handle("contact lost in a sweep", _LOST_CONTACT_COLOUR, linewidth=5)
+    )
+    style.add_legend(figure, handles, columns=4, fontsize=6.5)
     return figure
 
 
@@ -253,7 +255,7 @@ def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
     # Where the orders of the meshes are not known, all lines are solid.
     mesh_orders = diagram.get("mesh_rate", diagram.stiffness_order).values
     orders = diagram.stiffness_order.values
-    for order, text in zip(orders, style.number_texts(orders, digits=3), strict=True):
+    for order, text in zip(orders, style.format_numbers(orders, digits=3), strict=True):
         # The line ends at the right or at the upper limit of the axes.
         slope = frequency_per_speed * order
         end = min(stop, max_frequency / slope) * np.array([1.0, slope])  # (speed, frequency)
@@ -270,10 +272,10 @@ def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
     axes.set(xlim=(0.0, stop), ylim=(0.0, max_frequency))
     axes.set(xlabel="speed of the reference pinion (rpm)", ylabel="frequency (kHz)")
     kinds = dict.fromkeys(map(str, diagram.mode_kind.values))
-    handles = [style.legend_entry(f"{kind} mode", colours[kind]) for kind in kinds]
-    handles.append(style.legend_entry("mesh frequency", "0.3", linewidth=0.8))
-    handles.append(style.legend_entry("its multiple", "0.3", "--", linewidth=0.8))
+    handles = [style.legend_handle(f"{kind} mode", colours[kind]) for kind in kinds]
+    handles.append(style.legend_handle("mesh frequency", "0.3", linewidth=0.8))
+    handles.append(style.legend_handle("its multiple", "0.3", "--", linewidth=0.8))
     for name, face_colour, marker_size in _INTERSECTIONS.values():
         options = {"marker": "o", "markerfacecolor": face_colour, "markersize": marker_size}
-        handles.append(style.legend_entry(name, line="none", **options))
+        handles.append(style.legend_handle(name, line="none", **options))
     return handles

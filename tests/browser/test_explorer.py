@@ -19,7 +19,7 @@ from gearlib import cli, config, geometry
 from gearlib.explorer import page
 from gearlib.explorer.figures import derived_quantities
 from gearlib.explorer.view import SAMPLES, SHOWN_PERIODS, compute_view
-from gearlib.models.from_values import model
+from gearlib.models.from_values import build_model
 from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
 from tests.paper import CONFIG
 
@@ -52,7 +52,7 @@ def moved_configuration(settings, damping, **values):
 
 def pair_of(settings, damping):
     """Return the gear pair of a configuration with a named damping."""
-    return model(config.load(settings).pair(damping))
+    return build_model(config.load(settings).pair(damping))
 
 
 @pytest.mark.parametrize(("settings", "damping"), [(CONFIG, "k1"), (RELIEVED, "d")])
@@ -126,7 +126,7 @@ def test_a_view_of_a_pair_matches_the_library():
     orbit = gearlib.periodic_orbit(pair, 0.81, guess=run.final_state.values)
     np.testing.assert_allclose(np.abs(view.multipliers), np.abs(orbit.multipliers), rtol=1e-9)
     tunings = np.linspace(0.5, 1.4, 500)
-    for direction, curve in (("up", view.up), ("down", view.down)):
+    for direction, curve in (("up", view.sweep_up), ("down", view.sweep_down)):
         sweep = gearlib.sweep(pair, tunings, periods=70, record_periods=10, direction=direction)
         np.testing.assert_array_equal(curve.displacement_max, sweep.displacement_max)
     np.testing.assert_array_equal(
@@ -140,7 +140,7 @@ def test_a_view_of_gears_given_by_geometry_shows_the_load_sharing_model():
     # GEOMETRY has a power of 30 kW and a speed of 9000 rpm.
     torque = 30e3 / (9000.0 * math.tau / 60.0)
     error = gears.mesh().transmission_error(torque, stiffness="energy")
-    np.testing.assert_allclose(view.error.transmission_error[-1], error.transmission_error[0])
+    np.testing.assert_allclose(view.transmission_error.transmission_error[-1], error.transmission_error[0])
     model = gearlib.LoadSharingPair.from_geometry(
         gears.mesh(), torque=torque, damping_ratio=0.03, backlash_damping_ratio=0.01
     )
@@ -183,14 +183,14 @@ def test_curves_over_speed_match_sweeps_and_show_the_iso_factor():
 def test_sliders_of_gear_geometry_show_the_damping_ratio_of_the_load_sharing_model():
     damping = {"material_damping": 500.0, "backlash_damping": 3.0}
     settings = GEOMETRY | {"dampings": {"d": damping}}
-    pairs_of_teeth = model(config.load(settings).gears_model("d"))
+    pairs_of_teeth = build_model(config.load(settings).model_description("d"))
     shown = page.Sliders(settings, "d")
     assert shown.sliders["damping_ratio"].initial == pytest.approx(
         pairs_of_teeth.damping_ratio, rel=1e-11
     )
     # A changed torque must not change the damping coefficient of the motion.
-    changed = config.load(moved_configuration(settings, "d", torque=40.0)).gears_model("d")
-    assert model(changed).material_damping == pytest.approx(500.0, rel=0.02)
+    changed = config.load(moved_configuration(settings, "d", torque=40.0)).model_description("d")
+    assert build_model(changed).material_damping == pytest.approx(500.0, rel=0.02)
 
 
 @pytest.mark.parametrize("settings", [GEOMETRY, RELIEVED])
@@ -230,9 +230,9 @@ def test_moving_a_slider_redraws_the_figures_or_shows_why_it_is_refused():
     ):
         np.testing.assert_array_equal(sources[name].data[axis], values)
     np.testing.assert_allclose(
-        sources["chosen"].data["y"][:-1], 1e6 * view.error.transmission_error.values[-1]
+        sources["chosen"].data["y"][:-1], 1e6 * view.transmission_error.transmission_error.values[-1]
     )
-    assert yaml.safe_load(shown.file().read()) == shown.configuration()
+    assert yaml.safe_load(shown.config_file().read()) == shown.configuration()
     shown.widgets["pinion_shift"].value = -0.9
     assert "gears.pinion.shift = -0.9 is not allowed" in shown.note.object
     assert not shown.figure_column.visible and shown.button.disabled
@@ -250,7 +250,7 @@ def test_clicking_the_resonance_curve_moves_the_speed_slider(name, at):
     shown = page.Page(CONFIG, "k1") if name == "tuning" else page.Page(GEOMETRY, "d")
     widget = shown.widgets[name]
     for x in (at, 1e9):
-        shown.pick(Tap(shown.figures.resonance, x=x, y=1.0))
+        shown.handle_click(Tap(shown.figures.resonance, x=x, y=1.0))
         assert widget.value == pytest.approx(min(x, widget.end), abs=widget.step)
         assert shown.figures.marker.location == pytest.approx(widget.value, rel=1e-9)
 
@@ -258,7 +258,7 @@ def test_clicking_the_resonance_curve_moves_the_speed_slider(name, at):
 @pytest.mark.parametrize(
     ("settings", "options", "words"),
     [
-        (TRAIN, (), "gears is missing: the configuration describes a train"),
+        (TRAIN, (), "gears is missing: the configuration describes only a train"),
         (GEOMETRY, ("--model", "train"), "No such option"),
     ],
 )

@@ -48,7 +48,7 @@ def refusals_of_file(place, content, *changes):
         else:  # gears take the place of a gear pair
             load({k: v for k, v in file.items() if k != "gear_pair" or "gears" not in file})
     except ValidationError as error:
-        return validation.sentences(error, Description, file)
+        return validation.error_messages(error, Description, file)
     except ConfigError as error:
         return str(error).splitlines()
     return []
@@ -64,7 +64,7 @@ for path, section, place in SECTIONS.values():
     for key, child in child_annotations(section).items():
         if (path, key) != (("profile",), "kind"):
             refusals = partial(refusals_of_file, place, example_value(section), key)
-            CASES.append((child, p.format_path((*path, key)), refusals, validation.as_text))
+            CASES.append((child, p.format_path((*path, key)), refusals, validation.format_value))
 for call in sorted(DECLARED_CALLABLES, key=lambda call: call.__qualname__):
     declared = p.declared_parameters(call)
     required = {} if inspect.isroutine(call) else declared
@@ -85,8 +85,8 @@ def test_each_wrong_value_is_refused_in_one_sentence(annotation, place, refusals
 
 @cases
 def test_values_just_inside_a_range_are_not_refused_for_it(annotation, place, refusals, text_of):
-    words = p.describe_requirement(annotation, text_of is validation.as_text).rpartition("each ")[2]
-    for value in values_within_range(annotation, text_of is validation.as_text):
+    words = p.describe_requirement(annotation, text_of is validation.format_value).rpartition("each ")[2]
+    for value in values_within_range(annotation, text_of is validation.format_value):
         # Other refusals are allowed, because values of several parameters may be inconsistent.
         pattern = rf"{re.escape(place)}\S* = .* must be {re.escape(words)}"
         assert not [text for text in refusals(value) if re.match(pattern, text)]

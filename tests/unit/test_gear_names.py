@@ -95,11 +95,11 @@ def test_descriptions_of_gears_name_their_geometry():
     helical = overlay(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}})
     pairs = (OWN, NAME), (helical, f"{NAME}, β 15°"), (relieved(), f"{NAME}, tip relief")
     for settings, name in pairs:
-        assert gear_names.name_of_pair(load(settings)) == name
-    left_out = gear_names.name_of_pair(load(relieved()), modified=False)
+        assert gear_names.gear_pair_name(load(settings)) == name
+    left_out = gear_names.gear_pair_name(load(relieved()), modified=False)
     assert left_out == f"{NAME}, tip relief left out"
     reducer = load(OWN | {"reducer": {"teeth": [23, 61, 23, 61]}, "targets": ["reducer"]})
-    assert gear_names.name_of_reducer(reducer) == f"reducer z 23/61/23/61, every mesh: {NAME}"
+    assert gear_names.reducer_name(reducer) == f"reducer z 23/61/23/61, every mesh: {NAME}"
     idler = {"kind": "idler", "idler": {"teeth": [23, 61, 40]}}
     planetary = {"kind": "planetary", "planetary": {"planets": 4, "teeth": [28, 100]}}
     for train, name in (
@@ -108,4 +108,4 @@ def test_descriptions_of_gears_name_their_geometry():
         (planetary, "user-defined planetary set"),
     ):
         settings = load(OWN | {"train": train, "targets": ["train_sweep", "campbell"]})
-        assert gear_names.name_of_train(settings) == name
+        assert gear_names.train_name(settings) == name

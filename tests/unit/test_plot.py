@@ -108,10 +108,10 @@ def test_phase_plane_rows_are_labelled_with_the_requested_tuning_or_speed():
 
 def test_different_numbers_are_printed_differently():
     numbers = np.array([1.0, 1.0 + 1e-8, 2.0]) / 3.0
-    assert style.number_texts(numbers, 3) == ["0.33333333", "0.33333334", "0.66666667"]
-    assert style.number_texts([0.3, 0.25, 1e-12], 2, "f", 2) == ["0.30", "0.25", "1e-12"]
+    assert style.format_numbers(numbers, 3) == ["0.33333333", "0.33333334", "0.66666667"]
+    assert style.format_numbers([0.3, 0.25, 1e-12], 2, "f", 2) == ["0.30", "0.25", "1e-12"]
     # Numbers that are equal up to rounding are printed alike.
-    assert style.number_texts([0.1 + 0.2, 0.3], 3) == ["0.3", "0.3"]
+    assert style.format_numbers([0.1 + 0.2, 0.3], 3) == ["0.3", "0.3"]
 
 
 @pytest.mark.parametrize("chosen_colours", [{}, {3: "#0072B2"}])
@@ -159,7 +159,7 @@ def axes_of(train, mesh):
 def test_pitch_circles_touch_at_the_pitch_points(name, phase):
     """For each mesh two circles must have the pitch radii and centres relative to its mark."""
     train, axes, matched_circles = TRAINS[name], Figure().add_subplot(), set()
-    schematic.draw(axes, train.layout(), phase=phase)
+    schematic.draw_schematic(axes, train.layout(), phase=phase)
     hubs = [patch for patch in axes.patches if patch.get_fill()]
     circles = [patch for patch in axes.patches if isinstance(patch, Circle) and patch not in hubs]
     # Seen from the housing, the carrier rotates the meshes by this angle.

@@ -12,7 +12,7 @@ import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.config import load, train_section
 from gearlib.geometry import GearStage, SpurGear, planetary_set
-from gearlib.models.from_values import model
+from gearlib.models.from_values import build_model
 from tests.paper import CONFIG
 
 REGISTRY = pint.UnitRegistry()
@@ -60,7 +60,7 @@ def assert_values_match_texts(text, value):
 def read(kind, section):
     """Return the train of a configuration section of some kind."""
     settings = load(CONFIG | {"train": {"kind": kind, kind: section}})
-    return model(settings.gears_model("k1", "train"))
+    return build_model(settings.model_description("k1", "train"))
 
 
 @pytest.mark.parametrize("kind", ["split_power_reducer", "planetary", "idler", "two_stage"])
@@ -68,7 +68,7 @@ def test_a_predefined_train_matches_the_library(kind):
     settings = load(CONFIG | {"train": EVERY | {"kind": kind}})
     section = getattr(settings.train, kind)
     assert section.model_dump().keys() == EVERY[kind].keys() == type(section).model_fields.keys()
-    pair = () if kind == "planetary" else (model(settings.pair("k1")),)
+    pair = () if kind == "planetary" else (build_model(settings.pair("k1")),)
     assert read(kind, EVERY[kind]) == getattr(gearlib, kind)(*pair, **section.model_dump())
 
 

@@ -17,7 +17,7 @@ from gearlib import checks
 from gearlib import config as configuration
 from gearlib import integrators, processor, tunings
 from gearlib.config import gear_names, measured_description, targets, validation
-from gearlib.config.gears_section import stage_sections, takes_configured_gears
+from gearlib.config.gears_section import stage_sections, uses_configured_gears
 from gearlib.config.tolerances_section import known_parameters
 from gearlib.models.geometry.iso import METHOD_NAMES
 from workflow.records import mark_changed
@@ -40,7 +40,7 @@ LONG = 1
 ALL_CORES = 1024
 
 # All jobs read this file, also on other nodes, before they load numpy.
-os.environ.update(processor.settings())
+os.environ.update(processor.environment_variables())
 # Jobs share compiled Python files, which this variable would prevent.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Scripts import the library beside this Snakefile.
@@ -67,7 +67,7 @@ def check_tables_and_distributions(checked):
         from gearlib.uncertainty.measured import read_errors
 
         raise_errors(read_errors(checked.measured))
-    if checked.tolerances.needs_scipy() and not targets.refusal("tolerances", checked):
+    if checked.tolerances.needs_scipy() and not targets.refusal_reason("tolerances", checked):
         from gearlib.uncertainty import distributions
 
         keys = checked.tolerances.config_keys().items()
@@ -143,12 +143,12 @@ def with_pairs(cases):
 
 #: Damping -> description of the gear pair, and of the model of sweeps and run-ups.
 PAIRS = canonical({damping: CONFIG.pair(damping) for damping in CONFIG.dampings})
-MODELS = canonical({damping: CONFIG.gears_model(damping) for damping in CONFIG.dampings})
+MODELS = canonical({damping: CONFIG.model_description(damping) for damping in CONFIG.dampings})
 UNDAMPED = canonical(CONFIG.pair())
 SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
 #: Names of the gears with the rectangular stiffness, and with the model of sweeps and run-ups.
-GEAR_PAIR = gear_names.name_with_stiffness(CONFIG, teeth=False)
-GEARS = gear_names.name_with_stiffness(CONFIG, teeth=True)
+GEAR_PAIR = gear_names.gear_pair_name_with_stiffness(CONFIG, teeth=False)
+GEARS = gear_names.gear_pair_name_with_stiffness(CONFIG, teeth=True)
 #: Common arguments of `sweep` and `simulate`.
 RUN = {
     "initial_state": [
@@ -244,12 +244,12 @@ def target_files(target, *files):
 
     A target is refused if the configured gears do not allow it.
     """
-    reason = targets.refusal(target, CONFIG)
+    reason = targets.refusal_reason(target, CONFIG)
     if target in targets.TRAIN_TARGETS:
         reason = reason or targets.mesh_damping_error(CONFIG)
     if not reason:
         return list(files)
-    message = f"The configuration is refused.\n{targets.with_target_names(reason, [target])}"
+    message = f"The configuration is refused.\n{targets.append_target_names(reason, [target])}"
     return lambda wildcards: refuse(message)
 
 
@@ -294,7 +294,7 @@ MEASURED_SETS = measured_description.read_sets(CONFIG.measured)
 def files_of_set(wildcards):
     """Return the files of a measured set: its description and its tables."""
     path, description = MEASURED_SETS[wildcards.measured]
-    return [path, *description.files(path)]
+    return [path, *description.table_paths(path)]
 
 
 # Parameters of methods, gears and designs.
@@ -323,7 +323,7 @@ def label_of_box(title):
 
 def not_installed(methods):
     """Return those of the methods whose packages are not installed."""
-    return [name for name in dict.fromkeys(methods) if not targets.installed(name)]
+    return [name for name in dict.fromkeys(methods) if not targets.is_installed(name)]
 
 
 def stages(section):
@@ -344,13 +344,13 @@ def names_of_stages(section, teeth=False):
             method = CONFIG.gears.stiffness
         method = method or next(iter(pairs)).mesh().tooth_stiffness
         suffix = f"; pairs of teeth, {METHOD_NAMES[method]}"
-    names = (gear_names.name_of_stage(pair, teeth, pitch_errors=False) for pair in pairs)
+    names = (gear_names.gear_stage_name(pair, teeth, pitch_errors=False) for pair in pairs)
     return " and ".join(dict.fromkeys(names)) + suffix
 
 
 def teeth_over_speed():
     """Return the model and, if known, the operating speed for the target dynamic_factor."""
-    if takes_configured_gears(CONFIG, "dynamic_factor"):
+    if uses_configured_gears(CONFIG, "dynamic_factor"):
         return {"model": next(iter(MODELS.values())), "speed": CONFIG.gears.speed}
     gears = canonical(CONFIG.dynamic_factor.gears.model_dump())
     damping = {"damping_ratio": CONFIG.dynamic_factor.damping_ratio}
@@ -362,12 +362,12 @@ DESIGNS = canonical(
     {
         "pair": CONFIG.pair(CONFIG.tolerances.damping),
         "tolerances": (
-            {} if targets.refusal("tolerances", CONFIG) else CONFIG.tolerance_distributions()
+            {} if targets.refusal_reason("tolerances", CONFIG) else CONFIG.tolerance_distributions()
         ),
         **pick(config["tolerances"], "seed", "quantities"),
     }
 )
-if CONFIG.tolerances.concern_geometry() and CONFIG.gears:
+if CONFIG.tolerances.apply_to_geometry() and CONFIG.gears:
     DESIGNS["gears"] = canonical(CONFIG.gears.geometry_dict())
 
 #: The gears of the Harris map.
@@ -397,7 +397,7 @@ config["captions"] = {
     "reliefs_left_out": bool(
         CONFIG.gears
         and CONFIG.gears.modification_key()
-        and takes_configured_gears(CONFIG, "mesh_stiffness")
+        and uses_configured_gears(CONFIG, "mesh_stiffness")
     ),
     "design_torque": HARRIS_PAIR.torque,
     "dynamic_factor_torque": next(iter(stage_sections(CONFIG, "dynamic_factor").values())).torque,

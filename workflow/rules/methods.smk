@@ -99,7 +99,7 @@ use rule _compute as gather_failures with:
         columns=[
             f"results/failures/{name}.nc"
             for name, trial in TRIALS.items()
-            if targets.installed(trial["method"])
+            if targets.is_installed(trial["method"])
         ],
         sources=sources_of("compute", "data.gathering"),
     output:
@@ -129,7 +129,7 @@ PROBLEMS = {
     "six_degrees": SIX_DEGREES,
     "settings": without(config["work_precision"], "methods", "problems", "repeats"),
 }
-INSTALLED = [*filter(targets.installed, config["work_precision"]["methods"])]
+INSTALLED = [*filter(targets.is_installed, config["work_precision"]["methods"])]
 WORK_PRECISION_SOURCES = sources_by_method("compute", "studies.trials.work_precision")
 TIMES_SOURCES = sources_by_method("compute_alone", "studies.trials.work_precision")
 

@@ -49,7 +49,7 @@ use rule _compute as sweep_window with:
         function="gearlib.studies.resonance:sweep_window",
         model=lambda wildcards: MODELS[wildcards.damping],
         pair=lambda wildcards: PAIRS[wildcards.damping],
-        window=lambda wildcards: tunings.values_of(wildcards.window),
+        window=lambda wildcards: tunings.parse_name(wildcards.window),
         run=GEARS_RUN,
         damping="{damping}",
         direction="{direction}",
@@ -60,7 +60,7 @@ use rule _compute as gather_resonance with:
         job="gather_resonance",
     input:
         shards=[
-            f"results/resonance/{damping}/{direction}/{tunings.name_of(*window)}.nc"
+            f"results/resonance/{damping}/{direction}/{tunings.format_name(*window)}.nc"
             for damping in CONFIG.dampings
             for direction in CONFIG.resonance.directions
             for window in CONFIG.resonance.windows(direction)
@@ -108,9 +108,9 @@ use rule _compute as phase_plane with:
         "results/phase_planes/{damping}/{tuning}.nc",
     params:
         function="gearlib.studies.paper:phase_plane_run",
-        model=lambda wildcards: canonical(CONFIG.gears_model(wildcards.damping, pitch_errors=True)),
+        model=lambda wildcards: canonical(CONFIG.model_description(wildcards.damping, pitch_errors=True)),
         pair=lambda wildcards: PAIRS[wildcards.damping],
-        tuning=lambda wildcards: tunings.values_of(wildcards.tuning)[0],
+        tuning=lambda wildcards: tunings.parse_name(wildcards.tuning)[0],
         run=GEARS_SAMPLED_RUN,
         damping="{damping}",
 
@@ -122,7 +122,7 @@ use rule _compute as gather_phase_planes with:
         shards=expand(
             "results/phase_planes/{damping}/{tuning}.nc",
             damping=CONFIG.dampings,
-            tuning=[tunings.name_of(tuning) for tuning in CONFIG.phase_planes.tunings],
+            tuning=[tunings.format_name(tuning) for tuning in CONFIG.phase_planes.tunings],
         ),
         sources=sources_of("compute", "data.gathering"),
     output:
@@ -141,7 +141,7 @@ use rule _draw as draw_phase_planes with:
         figure_files("fig5_phase_planes", "Fig. 5: phase planes, all dampings", PAPER),
     params:
         draw="motions_figure.draw_phase_planes",
-        gears=gear_names.name_with_stiffness(CONFIG, teeth=True, pitch_errors=True),
+        gears=gear_names.gear_pair_name_with_stiffness(CONFIG, teeth=True, pitch_errors=True),
         settings=COLOURS,
 
 

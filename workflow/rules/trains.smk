@@ -2,7 +2,7 @@
 
 # All meshes of the reducer over speed: equal branches, a displaced pin, unequal backlash.
 
-REDUCER = gear_names.name_of_reducer(CONFIG)
+REDUCER = gear_names.reducer_name(CONFIG)
 
 
 use rule _compute as compute_reducer with:
@@ -48,8 +48,8 @@ use rule _draw as draw_reducer with:
 
 # All meshes of the configured train over speed.
 
-TRAIN = gear_names.name_of_train(CONFIG)
-TRAIN_PARAMETERS = canonical(CONFIG.gears_model(CONFIG.train_sweep.damping, "train"))
+TRAIN = gear_names.train_name(CONFIG)
+TRAIN_PARAMETERS = canonical(CONFIG.model_description(CONFIG.train_sweep.damping, "train"))
 
 
 use rule _compute as compute_train_sweep with:

@@ -47,7 +47,7 @@ use rule _compute as measured_orders with:
         models=MODELS,
 
 
-MEASURED_COURSES = [name for name, (_, data) in MEASURED_SETS.items() if data.has_courses()]
+MEASURED_COURSES = [name for name, (_, data) in MEASURED_SETS.items() if data.has_time_histories()]
 MEASURED_RUN_UPS = [name for name, (_, data) in MEASURED_SETS.items() if data.has_run_ups()]
 
 
@@ -116,7 +116,7 @@ use rule _compute as gather_tolerances with:
     pathvars:
         job="gather_tolerances",
     input:
-        shards=expand(rules.tolerance_shard.output, samples=CONFIG.tolerances.shards()),
+        shards=expand(rules.tolerance_shard.output, samples=CONFIG.tolerances.shard_names()),
         sources=sources_of("compute", "uncertainty.scatter"),
     output:
         "results/tolerances.nc",

@@ -24,8 +24,8 @@ def draw_figures(files, paths, draw, settings, gears, absent, dpi):
     # The function of a rule with several figures returns a dict, name -> figure.
     has_several = isinstance(figures, dict)
     for figure in figures.values() if has_several else [figures]:
-        style.name_gears(figure, gears)
-        style.note_absent(figure, absent)
+        style.add_gear_caption(figure, gears)
+        style.add_missing_package_note(figure, absent)
         figure.set_dpi(dpi)
     for path in map(Path, paths):
         style.save(figures[path.stem] if has_several else figures, path)
