@@ -10,7 +10,7 @@ import scipy.signal
 
 import gearlib
 from gearlib import Body, GearNode, GearTrain, HarmonicForce, Mesh
-from tests.couple import OF_ROSS, ROSS, two_rotors
+from tests.couple import ROSS_MATRICES, ROSS_NATURAL_FREQUENCIES, two_rotors
 
 
 def pair_of_bodies(stiffness_ratio=1.0, **options):
@@ -54,7 +54,9 @@ def as_matrices(train):
         GearNode(name=body.name, teeth=body.teeth or 20, base_radius=body.base_radius)
         for body in train.bodies
     ]
-    rows = {mesh.name: line for mesh, line in zip(train.meshes, structure.lines, strict=True)}
+    rows = {
+        mesh.name: line for mesh, line in zip(train.meshes, structure.mesh_jacobian, strict=True)
+    }
     forces = {names[i]: float(structure.load[i]) for i in range(n)}
     arrays = structure.mass, structure.damping, structure.stiffness
     options = {"coordinates": names, "forces": forces, "rows": rows, "reference": train.reference}
@@ -66,12 +68,12 @@ def test_natural_frequencies_match_ross():
     modes = two_rotors().modes()
     frequencies = np.sort(modes.natural_frequency.values)
     assert frequencies[:3] == pytest.approx(0.0, abs=1e-3)
-    assert frequencies[3:14] == pytest.approx(OF_ROSS, rel=1e-6)
+    assert frequencies[3:14] == pytest.approx(ROSS_NATURAL_FREQUENCIES, rel=1e-6)
 
 
 def test_a_reduction_keeps_frequencies_damping_and_response():
     """Compare eigenvalues and responses up to 1250 Hz of a rotor and its reduction."""
-    full_train = two_rotors(speed=300.0, damping=2e-6 * ROSS["stiffness"])
+    full_train = two_rotors(speed=300.0, damping=2e-6 * ROSS_MATRICES["stiffness"])
     reduced_train = full_train.reduce(2500.0)
     assert len(reduced_train.matrices.mass) < len(full_train.matrices.mass) == 84
     assert f"of {84} coordinates" in reduced_train.matrices.left_out
@@ -141,10 +143,12 @@ def test_studies_of_a_train_of_matrices_match_the_same_train_of_bodies():
 @pytest.mark.parametrize("method", ["exact", "scipy"])
 def test_an_unsymmetric_structure_rests_in_its_static_state(method):
     """A circulatory part of the stiffness must not disturb the static state of constant meshes."""
-    stiffness = ROSS["stiffness"].copy()
+    stiffness = ROSS_MATRICES["stiffness"].copy()
     stiffness[0, 1] += 3e7
     stiffness[1, 0] -= 3e7
-    train = two_rotors(stiffness=stiffness, damping=2e-4 * ROSS["stiffness"]).reduce(1000.0)
+    train = two_rotors(stiffness=stiffness, damping=2e-4 * ROSS_MATRICES["stiffness"]).reduce(
+        1000.0
+    )
     options = {"periods": 2, "record_periods": 2, "samples_per_period": 16}
     run = gearlib.simulate(train, 0.05, initial_state="static", method=method, **options)
     assert run.displacement.values == pytest.approx(1.0, abs=1e-7)
@@ -241,7 +245,7 @@ def test_state_space_refuses_unknown_names_and_trains_without_bodies():
         ({"gears": ["pinion"]}, r"gears\[0\] = 'pinion' .*must be a GearNode"),
         ({"forces": [100.0, 200.0]}, "forces .*must be a dict"),
         ({"forces": {"a 3 turn": math.nan}}, "forces.*must be a finite number"),
-        ({"stiffness": -ROSS["stiffness"]}, "stiffness .*no negative eigenvalue"),
+        ({"stiffness": -ROSS_MATRICES["stiffness"]}, "stiffness .*no negative eigenvalue"),
         ({"reference": "gear"}, "reference = 'gear' is not allowed"),
         ({"forces": {"a 3 turn": 100.0}}, "no spring resists .*as with 0 on a 3 turn"),
         (
@@ -269,7 +273,7 @@ def test_matrices_are_read_from_files_and_sparse_arrays(tmp_path):
     """Matrices from files and sparse arrays must give the same train as dense arrays."""
     from scipy import io, sparse
 
-    arrays = {name: ROSS[name] for name in ("mass", "stiffness")}
+    arrays = {name: ROSS_MATRICES[name] for name in ("mass", "stiffness")}
     io.mmwrite(tmp_path / "mass.mtx", sparse.coo_array(arrays["mass"]))
     train = two_rotors(mass=tmp_path / "mass.mtx", stiffness=sparse.csr_array(arrays["stiffness"]))
     assert train == two_rotors()
