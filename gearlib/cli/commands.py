@@ -1,4 +1,4 @@
-"""The commands: each calls the library, prints the results and draws them."""
+"""Define the commands, which call the library, print its results and plot them."""
 
 import json
 import math
@@ -16,23 +16,26 @@ import click
 import gearlib
 from gearlib import checks
 from gearlib.cli import options, output
-from gearlib.cli.gears import DEFAULT_CONFIG, NO_DAMPING, in_rpm, take_gears
+from gearlib.cli.gears import DEFAULT_CONFIG, NO_DAMPING, pop_gears, speed_in_rpm
 from gearlib.config import measured_description, schema_text, tolerances_section, validation
 from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
 from gearlib.models import tolerated
 from gearlib.units import WRITTEN_UNITS
 
-#: Folder of the Snakefile, in the installed package or in a checkout.
+#: Folder that contains the Snakefile, in the installed package or in a checkout.
 _INSTALLED = Path(__file__).parents[1] / "installed_workflow"
-_ROOT = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2]
-#: Options of `simulate`, `sweep` and `scatter`, and the argument of `fit`.
-_RUN = "tuning speed initial_state periods record_periods samples method until_settled"
-_RUN_UP = "duration acceleration back initial_state driver max_seconds"
-_SWEEP = "periods record_periods method max_seconds"
-_SCATTER = "tolerance thickness_class distance_class quality quantity samples speed start stop"
-_DATA = click.Argument(["path"], metavar="DATA", type=options.FILE)
-_SPEEDS_IN_TABLE = 14  #: number of speeds in the table of a sweep up and down
-_CURVE_PHASES = 257  #: number of mesh phases of the curve of the mesh stiffness
+_WORKFLOW_ROOT = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2]
+#: Names of options of the commands `simulate`, `run-up`, `sweep` and `scatter`.
+_RUN_OPTIONS = "tuning speed initial_state periods record_periods samples method until_settled"
+_RUN_UP_OPTIONS = "duration acceleration back initial_state driver max_seconds"
+_SWEEP_OPTIONS = "periods record_periods method max_seconds"
+_SCATTER_OPTIONS = (
+    "tolerance thickness_class distance_class quality quantity samples speed start stop"
+)
+#: The argument DATA of the command `fit`.
+_DATA_ARGUMENT = click.Argument(["path"], metavar="DATA", type=options.FILE)
+_MAX_TABLE_ROWS = 14  #: number of speeds in the printed table of sweeps up and down
+_STIFFNESS_CURVE_SAMPLES = 257  #: samples per mesh period of a plotted stiffness curve
 
 
 @click.group(
@@ -44,9 +47,9 @@ _CURVE_PHASES = 257  #: number of mesh phases of the curve of the mesh stiffness
 def main():
     """Nonlinear dynamics of gear meshes.
 
-    A configuration (--config, --damping), options, or both describe the gears; options take
-    precedence. Values may have units, as in --backlash "40 um". The section `train` describes the
-    gear train for --model train and for the commands modes, static, phasing and campbell.
+    The gears are described by a configuration (--config, --damping), by options, or by both;
+    options take precedence. Values may have units, as in --backlash "40 um". The section `train`
+    describes the gear train for --model train and for modes, static, phasing and campbell.
     """
 
 
@@ -55,70 +58,71 @@ def gear_command(
 ):
     """Return a decorator that turns a function into the command `name`.
 
-    It calls the function with `Gears`, their model and the option values; the function returns a
-    dataset and a function that draws it with `gearlib.plot`. `option_names` is a string of names
-    separated by spaces, `arguments` are additional click parameters, and `prepare` may change the
-    dict of option values in place. A written table has one row per entry of `dimension`. `motion`
-    is "one speed", "sweep" or, for gear trains at rest, "none". If `rectangle` is true, a mesh
-    stiffness that alternates between two values replaces the model of single pairs of teeth.
+    The command calls the function with `Gears`, their model and the values of the options named in
+    `option_names` (separated by spaces). The function returns a dataset and a function that plots
+    it with `gearlib.plot`. `arguments` are additional click parameters. `prepare` is called with
+    the dict of option values and may change it in place. A CSV file has one row per entry along
+    `dimension`. `motion` is "one speed", "sweep" or, for gear trains at rest, "none". If
+    `rectangle` is true, a rectangular mesh stiffness replaces the tooth pair model.
     """
 
-    def run(function, values):
-        """Take the gears from the option `values`, call `function`, write and draw its result."""
+    def run_command(function, values):
+        """Create gears from the option `values`, call `function`, and write and plot its result."""
         from gearlib.runs.run_arguments import tuning_of
 
         data_path, plot_path, force = (values.pop(key) for key in ("output", "plot", "force"))
-        output.check("--output", data_path, force, options.DATA)
-        output.check("--plot", plot_path, force, options.PICTURES)
+        output.check_path("--output", data_path, force, options.DATA)
+        output.check_path("--plot", plot_path, force, options.PICTURES)
         if prepare:
             prepare(values)
         if motion == "none":
             values["model"] = "train"
-        configured_gears = take_gears(values, moves=motion != "none")
-        gears = configured_gears.rectangle() if rectangle else configured_gears
-        section = configured_gears.settings.gears
-        # Whole cycles of pitch errors are too long for each speed of a sweep.
+        configured_gears = pop_gears(values, needs_damping=motion != "none")
+        gears = configured_gears.with_rectangular_stiffness() if rectangle else configured_gears
+        section = configured_gears.configuration.gears
+        # At each speed of a sweep, a whole cycle of pitch errors would take too long.
         model = gears.model(pitch_errors=motion != "sweep")
         description = gears.description(model)
         if motion == "one speed":
-            # Without --speed and --tuning the speed of the section `gears` is used.
+            # If neither --speed nor --tuning is given, use the speed of the section `gears`.
             speed = values.pop("speed")
             if speed is None and values["tuning"] is None and section:
                 speed = section.speed
-            values["tuning"] = tuning_of(model, values["tuning"], in_rpm("speed", speed))
+            values["tuning"] = tuning_of(model, values["tuning"], speed_in_rpm("speed", speed))
         if name in ("simulate", "sweep", "trust") and not values.get("initial_state"):
             values["initial_state"] = "static" if gears.kind == "teeth" else (0.0, 0.0)
         click.echo(click.wrap_text(description, output.WIDTH))
         notes = [model.force_note] if motion != "none" and section else []
         if gears.kind == "teeth" and motion == "sweep" and section.modification_key("pitch_errors"):
-            notes.append("Pitch errors are left out: `gearlib simulate` has them, at one speed.")
+            notes.append("Pitch errors are neglected, but `gearlib simulate` includes them.")
         if gears is not configured_gears:
-            speed = in_rpm("speed", values.get("speed"))
-            notes.append(_note_on_teeth(configured_gears, model, speed))
+            speed = speed_in_rpm("speed", values.get("speed"))
+            notes.append(_tooth_pair_note(configured_gears, model, speed))
         for note in filter(None, notes):
             click.echo(click.wrap_text(note, output.WIDTH))
-        dataset, draw = function(gears, model, **values)
+        dataset, plot_dataset = function(gears, model, **values)
         if "stiffness_model" in dataset.attrs:
             dataset.attrs["stiffness_model"] = gears.stiffness(model)
         if data_path:
-            output.write(data_path, dataset, dimension)
+            output.write_dataset(data_path, dataset, dimension)
         if plot_path:
-            output.save_picture(plot_path, description, draw, model, dataset)
+            output.save_picture(plot_path, description, plot_dataset, model, dataset)
 
-    parameters = [*arguments, *(options.PAIR if motion == "none" else options.MODEL)]
+    gear_options = options.PAIR_OPTIONS if motion == "none" else options.MODEL_OPTIONS
+    parameters = [*arguments, *gear_options]
     parameters += options.command_options(name, f"{option_names} output plot force")
     return lambda function: main.command(name, params=parameters, help=function.__doc__)(
-        lambda **values: run(function, values)
+        lambda **values: run_command(function, values)
     )
 
 
-def _note_on_teeth(gears, model, speed):
-    """Return a sentence on the motion of pairs of teeth, for an analysis of a simpler model.
+def _tooth_pair_note(gears, model, speed):
+    """Return a note on contact loss and dynamic factor of gears with load-dependent stiffness.
 
-    `gears` are `Gears` whose pairs of teeth deform by themselves. `model` is the simpler model that
-    is analysed, a mesh stiffness that alternates between two values (a rectangle over time). The
-    sentence states contact loss and dynamic factor of `gears` at the `speed` in rpm. With None it
-    is the speed of the gears or, if they have none, the resonance speed of the model.
+    An analysis that needs a rectangular stiffness prints this note to show what it neglects.
+    `gears` are of the kind "teeth", and `model` is their simplified model with rectangular
+    stiffness. If `speed` (rpm) is None, the speed of the gears is used or, if they have none, the
+    resonance speed of `model`.
     """
     from gearlib.analysis.duty_point import duty_point
 
@@ -127,109 +131,108 @@ def _note_on_teeth(gears, model, speed):
     point = duty_point(gears.model(), speed)
     contact = "lose" if float(point.contact_loss_fraction) > 0.0 else "keep"
     return (
-        "This analysis needs a rectangular stiffness, which changes all at once. Pairs of teeth "
-        f"that start in static equilibrium {contact} contact at {speed:.6g} rpm; their dynamic "
-        f"factor is {float(point.dynamic_factor):.3f}."
+        "This analysis needs a stiffness that changes instantaneously (a rectangle). With --model "
+        f"teeth, gears started in static equilibrium {contact} contact at {speed:.6g} rpm; their "
+        f"dynamic factor is {float(point.dynamic_factor):.3f}."
     )
 
 
 def _tuning_range(model, start, stop):
-    """Return the first and last tuning of a sweep from the options `start` and `stop`.
+    """Convert the options `start` and `stop` to the first and the last tuning of a sweep.
 
-    The tuning is mesh frequency over natural frequency of `model`. Both options are tunings, speeds
-    such as "1500rpm", or None for the default tunings 0.5 and 1.4.
+    The tuning is the mesh frequency over the natural frequency of `model`. Both options are
+    tunings, speeds such as "1500rpm", or None for the default tunings 0.5 and 1.4.
     """
     from gearlib.runs.run_arguments import check_tuning, tuning_at_speed
 
     ends = {"start": 0.5 if start is None else start, "stop": 1.4 if stop is None else stop}
     for name, end in ends.items():
         if isinstance(end, str):
-            ends[name] = tuning_at_speed(model, name, in_rpm(name, end))
+            ends[name] = tuning_at_speed(model, name, speed_in_rpm(name, end))
         else:
             ends[name] = check_tuning(name, end)
     return ends["start"], ends["stop"]
 
 
-def _at_largest(dataset, values, dimension):
-    """Return the dataset at the position along `dimension` where an array is largest.
+def _select_maximum(dataset, values, dimension):
+    """Return the dataset at the position along `dimension` where `values` has its maximum.
 
-    The array `values` belongs to the dataset and may contain NaN. If it has the dimension "mesh",
-    the largest value over all meshes counts.
+    `values` is an array over `dimension` and possibly "mesh"; the maximum over all meshes is used,
+    and NaN is ignored.
     """
     values = values.max("mesh") if "mesh" in values.dims else values
     return dataset.isel({dimension: int(values.fillna(-math.inf).argmax(dimension))})
 
 
-@gear_command("simulate", _RUN, dimension="phase", motion="one speed")
-def simulate(gears, model, tuning, samples, **settings):
+@gear_command("simulate", _RUN_OPTIONS, dimension="phase", motion="one speed")
+def simulate(gears, model, tuning, samples, **run_options):
     """Run the gears at one speed: time history, contact events, orbit."""
     from gearlib.analysis.duty_point import si_variables
     from gearlib.data.result import result
 
-    # `gears` are not needed; `settings` are the other options in _RUN, arguments of the library.
-    settings |= {"tuning": tuning, "samples_per_period": samples}
-    run = gearlib.simulate(model, **settings)
-    # If the motion repeats after more mesh periods than were recorded, record its whole period.
-    if settings["record_periods"] < int(run.period) <= settings["periods"]:
-        run = gearlib.simulate(model, **settings | {"record_periods": int(run.period)})
-    output.show(run)
+    # `gears` is unused; `run_options` are the other options of the command.
+    run_options |= {"tuning": tuning, "samples_per_period": samples}
+    run = gearlib.simulate(model, **run_options)
+    # If the period of the motion is longer than the record, record a whole period instead.
+    if run_options["record_periods"] < int(run.period) <= run_options["periods"]:
+        run = gearlib.simulate(model, **run_options | {"record_periods": int(run.period)})
+    output.print_dataset(run)
     if not model.mesh_names:  # Only trains have names of meshes.
         variables = si_variables(run, model)
         variables = {name: value for name, value in variables.items() if name not in run}
-        output.show(result("Duty point of a gear mesh", model, variables, method="run"))
+        output.print_dataset(result("Duty point of a gear mesh", model, variables, method="run"))
     return run, lambda plot: plot.time_course(run)
 
 
-@gear_command("sweep", f"start stop speed points direction {_SWEEP}", "tuning")
-def sweep(gears, model, start, stop, speed, points, direction, **settings):
-    """Run many tunings: the resonance characteristic.
+@gear_command("sweep", f"start stop speed points direction {_SWEEP_OPTIONS}", "tuning")
+def sweep(gears, model, start, stop, speed, points, direction, **run_options):
+    """Run many tunings and compute the resonance curve.
 
-    The default range of gears given by geometry includes their --speed. With --direction down it
-    extends downwards until the motion has jumped down. Pairs of teeth are swept up and down, unless
-    a direction is given.
+    If the gears are given by their geometry, the default range includes --speed. With --direction
+    down the range is extended to lower speeds until the motion has jumped down. The default of
+    --model teeth is to sweep both up and down.
     """
     import numpy as np
 
     from gearlib.runs import run_arguments, sweeping
 
-    # `settings` are the other options in _SWEEP. The direction "cold" starts each run from rest.
+    # `run_options` are the other options; the direction "cold" starts each run from rest.
     both_ways = direction is None and gears.kind == "teeth"
     direction = direction or "cold"
     default_start = 0.1 if both_ways else None
     first, last = _tuning_range(model, default_start if start is None else start, stop)
-    checks.require(first != last, "stop", stop, "another tuning than start")
+    checks.require(first != last, "stop", stop, "different from start")
     is_default_range = gears.geometry and start is None and stop is None
-    speed = in_rpm("speed", speed)
+    speed = speed_in_rpm("speed", speed)
     if is_default_range and (speed or gears.geometry.speed):
         tuning = run_arguments.tuning_at_speed(model, "speed", speed or gears.geometry.speed)
         first, last = min(first, tuning), max(last, tuning)
     grid = np.linspace(first, last, points)
     if both_ways:
-        return _sweep_up_and_down(gears, model, grid, **settings)
+        return _sweep_up_and_down(gears, model, grid, **run_options)
     if is_default_range and direction == "down":
         lowest = sweeping.EXTENSION_RATIO * first
-        curve, jumped = sweeping.sweep_down(model, grid, lowest, **settings)
-        jump = "has jumped down above" if jumped else "has not jumped down at"
-        click.echo(f"The motion {jump} {float(curve.speed[0]):.0f} rpm, the lowest speed.")
+        curve, jumped = sweeping.sweep_down(model, grid, lowest, **run_options)
+        outcome = "jumped down above" if jumped else "did not jump down above"
+        click.echo(f"The motion {outcome} {float(curve.speed[0]):.0f} rpm, the lowest speed.")
     else:
-        curve = gearlib.sweep(model, grid, direction=direction, **settings)
+        curve = gearlib.sweep(model, grid, direction=direction, **run_options)
     failed = int((curve.status != 0).sum())
-    # Use the first of these that the dataset has. The displacement is the last choice, because it
-    # is negative for meshes that carry their load on the coast side.
+    # The first available variable is used. Displacements are the last choice, because they are
+    # negative for meshes that carry their load on the coast side.
     names = ("dynamic_factor", "peak_force_ratio", "displacement_max")
     name = next(name for name in names if name in curve)
-    text = name.replace("_max", "").replace("_", " ")
-    click.echo(f"{curve.tuning.size} tunings, {failed} failed; at the largest {text}:")
-    output.show(_at_largest(curve, curve[name], "tuning"))
+    words = name.replace("_max", "").replace("_", " ")
+    click.echo(f"{curve.tuning.size} tunings, {failed} failed; maximum of the {words}:")
+    output.print_dataset(_select_maximum(curve, curve[name], "tuning"))
     return curve, lambda plot: plot.resonance(curve)
 
 
-def _sweep_up_and_down(gears, model, tunings, **settings):
-    """Sweep pairs of teeth upward and downward in speed, and print a table of the results.
+def _sweep_up_and_down(gears, model, tunings, **run_options):
+    """Sweep gears up and down in speed and print dynamic factor K_v and transmission error.
 
-    The table has dynamic factor K_v and transmission error over the speed. `model` is the model of
-    `gears`, and `tunings` are mesh frequencies over natural frequency. `settings` are arguments of
-    `over_speed`, such as periods. Return (dataset, function that plots it).
+    `model` is the model of `gears`, `tunings` are mesh frequencies over the natural frequency, and
+    `run_options` are arguments of `over_speed`. Return (dataset, function that plots it).
     """
     import numpy as np
     import pandas
@@ -238,11 +241,11 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
     from gearlib.figures import gear_geometry_figure
     from gearlib.studies.teeth_over_speed import over_speed
 
-    curves = over_speed(model, model.speed(np.sort(tunings)), gears.geometry.speed, **settings)
+    curves = over_speed(model, model.speed(np.sort(tunings)), gears.geometry.speed, **run_options)
     if not curves.get("complete", True):
-        click.echo("The sweeps were stopped after --max-seconds.")
-    # The table has some of the speeds, evenly distributed.
-    rows = np.unique(np.linspace(0, curves.tuning.size - 1, _SPEEDS_IN_TABLE).round().astype(int))
+        click.echo("The sweeps were stopped at the time limit --max-seconds.")
+    # Only some of the speeds, evenly distributed, are printed.
+    rows = np.unique(np.linspace(0, curves.tuning.size - 1, _MAX_TABLE_ROWS).round().astype(int))
     selected_speeds = curves.isel(tuning=rows)
     columns = {"rpm": selected_speeds.speed}
     for direction in selected_speeds.direction.values:
@@ -251,8 +254,9 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
         columns[f"error {direction}, um"] = 1e6 * curve.error_peak_to_peak
     if "iso_dynamic_factor" in selected_speeds:
         columns["K_v ISO 6336"] = selected_speeds.iso_dynamic_factor
-    output.frame(pandas.DataFrame({name: x.values for name, x in columns.items()}).set_index("rpm"))
-    # A speed of a jump is NaN if it lies outside the range.
+    table = pandas.DataFrame({name: column.values for name, column in columns.items()})
+    output.print_table(table.set_index("rpm"))
+    # The speed of a jump is NaN if there is no jump in the range.
     jumps = zip(curves.jump_up_speed.values, curves.jump_down_speed.values, strict=True)
     for up, down in jumps:
         jump_texts = []
@@ -265,116 +269,116 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
     return curves, lambda plot: gear_geometry_figure.draw_dynamic_factor(curves).axes[0]
 
 
-@gear_command("run-up", f"start stop {_RUN_UP}", "revolution")
-def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
-    """Run the gears up or down: forces and contact losses over the speed."""
+@gear_command("run-up", f"start stop {_RUN_UP_OPTIONS}", "revolution")
+def run_up(gears, model, start, stop, duration, acceleration, back, **run_options):
+    """Run the gears up or down in speed: forces and contact loss over speed."""
     from gearlib.data.motions import largest_force
     from gearlib.runs.run_up import speed_course
 
-    # `gears` are not needed; `settings` are initial_state, driver and max_seconds. A speed course
-    # is a list of points (time in s, speed in rpm).
-    start, stop = in_rpm("start", start), in_rpm("stop", stop)
+    # `gears` is unused; `run_options` are initial_state, driver and max_seconds. A speed course is
+    # a list of points (time in s, speed in rpm).
+    start, stop = speed_in_rpm("start", start), speed_in_rpm("stop", stop)
     speed_points = speed_course(start, stop, duration, acceleration).tolist()
     if back:
-        # The way back to the first speed takes the same time.
+        # The return to the first speed takes the same time.
         speed_points.append([2.0 * speed_points[-1][0], start])
-    run = gearlib.run_up(model, speed=speed_points, **settings)
-    click.echo(f"{run.revolution.size} revolutions; the revolution of the largest force:")
-    output.show(_at_largest(run, largest_force(run), "revolution"))
+    run = gearlib.run_up(model, speed=speed_points, **run_options)
+    click.echo(f"{run.revolution.size} revolutions; the revolution with the largest force:")
+    output.print_dataset(_select_maximum(run, largest_force(run), "revolution"))
     return run, lambda plot: plot.run_up(run)
 
 
 @gear_command("orbit", "tuning speed period guess", "coordinate", motion="one speed")
-def orbit(gears, model, tuning, **settings):
+def orbit(gears, model, tuning, **run_options):
     """Find a periodic orbit and its Floquet multipliers."""
     from gearlib.analysis.orbits.shooting import NoOrbit
 
-    # `gears` are not needed; `settings` are the options period and guess.
+    # `gears` is unused; `run_options` are the options period and guess.
     try:
-        orbit = gearlib.periodic_orbit(model, tuning, **settings)
+        orbit = gearlib.periodic_orbit(model, tuning, **run_options)
     except NoOrbit as error:
         raise click.ClickException(str(error)) from None
     click.echo(f"{'stable' if orbit.stable else 'unstable'} orbit of period {orbit.period}")
-    output.show(orbit.dataset())
+    output.print_dataset(orbit.dataset())
     return orbit.dataset(), lambda plot: plot.orbit(orbit)
 
 
 @gear_command("trust", "tuning speed initial_state periods max_seconds", "run", motion="one speed")
-def trust(gears, model, tuning, **settings):
-    """Check whether chaos at one tuning is real or a numerical artefact, by several runs."""
-    # `gears` are not needed; `settings` are initial_state, periods and max_seconds.
-    verdict = gearlib.trust(model, tuning, **settings)
+def trust(gears, model, tuning, **run_options):
+    """Check by several runs whether chaos at one tuning is real or a numerical artefact."""
+    # `gears` is unused; `run_options` are initial_state, periods and max_seconds.
+    verdict = gearlib.trust(model, tuning, **run_options)
     click.echo(click.wrap_text(f"{verdict.label}: {verdict.message}", output.WIDTH))
     click.echo(f"Lyapunov exponent: {verdict.exponent:.6g} +- {verdict.uncertainty:.2g} per period")
     if verdict.label == "undecided":
-        raise click.ClickException("undecided: the message above says what to try")
+        raise click.ClickException("undecided: see the message above for what to try")
     extrema = ("displacement_max", "displacement_min")
     return verdict.runs, lambda plot: plot.values(verdict.runs, *extrema)
 
 
 @gear_command("modes", "", "mode", motion="none")
 def modes(gears, train):
-    """Compute the natural frequencies of the gear train, and the kinds of its modes."""
-    # The first argument, the `Gears` of the command line, is not needed for the `GearTrain`.
+    """Compute the natural frequencies of the gear train and classify its modes."""
+    # `gears` is unused; `train` is a `GearTrain`.
     modes = train.modes()
-    output.show(modes)
+    output.print_dataset(modes)
     return modes, lambda plot: plot.values(modes, "natural_frequency")
 
 
 @gear_command("static", "phase", "mesh", motion="none")
 def static(gears, train, phase):
-    """Compute the load sharing of the gear train at rest, with gaps and errors."""
-    # `gears` are not needed; `phase` is the mesh phase in rad at which the `GearTrain` rests.
+    """Compute the load sharing of the gear train at rest, including backlash and errors."""
+    # `gears` is unused; `phase` is the mesh phase in rad at which the train is at rest.
     equilibrium = train.static(phase)
-    output.show(equilibrium)
+    output.print_dataset(equilibrium)
     return equilibrium, lambda plot: plot.values(equilibrium, "mesh_force")
 
 
 @gear_command("phasing", "count", "stiffness_order", motion="none")
 def phasing(gears, train, count):
-    """Find which harmonics of the mesh stiffness, up to --count, excite which modes of a train."""
-    # `gears` are not needed; `train` is a `GearTrain`, `count` the highest stiffness harmonic. A
-    # cell of the table, such as "2 of 3", counts the excited modes of a kind.
+    """Find the modes of a train excited by each harmonic of the mesh stiffness up to --count."""
+    # `gears` is unused. A cell such as "2 of 3" of the printed table is the number of excited modes
+    # of one kind.
     excitations = train.phasing(count)
     table = excitations[["excites", "mode_kind"]].to_dataframe()
     excites = table.groupby(["stiffness_order", "mode_kind"], sort=False).excites
-    output.frame(excites.agg(lambda values: f"{values.sum()} of {values.size}").unstack())
+    output.print_table(excites.agg(lambda values: f"{values.sum()} of {values.size}").unstack())
     return excitations, lambda plot: plot.values(excitations, "modal_force")
 
 
 @gear_command("campbell", "count", "mode", motion="none")
 def campbell(gears, train, count):
-    """Compute the speeds, rpm, at which mesh frequencies excite a mode, up to the order --count."""
-    # `gears` are not needed; `train` is a `GearTrain`. The table lists the excited modes only.
+    """Compute the speeds (rpm) at which a mesh order, up to --count, excites a mode."""
+    # `gears` is unused. Only excited modes are printed.
     diagram = train.campbell(count)
     table = diagram[["critical_speed", "natural_frequency", "mode_kind", "excites"]]
     table = table.to_dataframe().reset_index("stiffness_order")
     table = table[table.pop("excites").astype(bool)].set_index("critical_speed").sort_index()
-    output.frame(table)
+    output.print_table(table)
     return diagram, lambda plot: plot.campbell(diagram)
 
 
-@main.command(params=[*options.MODEL, *options.command_options("frequencies", "speed")])
+@main.command(params=[*options.MODEL_OPTIONS, *options.command_options("frequencies", "speed")])
 def frequencies(speed, **values):
     """Compute mesh, shaft, hunting tooth and planet frequencies at a speed of the pinion.
 
-    They belong to the gears of the section `gears` or, with --model train, to the gear train.
+    The gears are those of the section `gears` or, with --model train, of the gear train.
     """
     import pandas
 
     from gearlib.analysis.characteristic_frequencies import frequency_rows
 
-    # `values` are the options that describe the gears, which need no damping here.
-    gears = take_gears(values, moves=False)
-    speed = in_rpm("speed", speed) or (gears.geometry and gears.geometry.speed)
+    # `values` are the options that describe the gears; no motion is computed.
+    gears = pop_gears(values, needs_damping=False)
+    speed = speed_in_rpm("speed", speed) or (gears.geometry and gears.geometry.speed)
     if speed is None:
-        raise click.UsageError("--speed is missing: it must be given, as in --speed 1500rpm")
+        raise click.UsageError("--speed is missing: give it, as in --speed 1500rpm")
     if gears.kind != "train" and gears.geometry is None:
-        raise click.UsageError("gears is missing: give their geometry, or --model train")
+        raise click.UsageError("gears is missing: give the geometry of the gears, or --model train")
     model = gears.model() if gears.kind == "train" else gears.geometry.mesh()
-    # The column "of" has the name of the shaft, mesh or other part with the frequency.
+    # The column "of" names the shaft, mesh or other component.
     header, *rows = frequency_rows(gearlib.characteristic_frequencies(model, float(speed)))
-    output.frame(pandas.DataFrame(rows, columns=header).set_index("of"))
+    output.print_table(pandas.DataFrame(rows, columns=header).set_index("of"))
 
 
 @main.command(
@@ -384,46 +388,47 @@ def frequencies(speed, **values):
     ]
 )
 def fmu(path, prescribed_speed, speed, force, **values):
-    """Write the gear train of FILE, .yaml or .nc, as an FMU that needs no Python.
+    """Write the gear train in FILE, .yaml or .nc, as an FMU that runs without Python.
 
-    It is for Co-Simulation with FMI 3.0, and contains C sources and a binary for this machine.
+    The FMU is for Co-Simulation by FMI 3.0 and contains C sources and a binary for this machine.
     """
-    # The option --output stays in `values`, since an argument `output` would hide the module.
-    written = values["output"] or path.with_suffix(".fmu")
-    output.check("--output", written, force, (".fmu",))
-    settings = {"prescribed_speed": prescribed_speed, "speed": in_rpm("speed", speed) or 0.0}
-    gearlib.write_fmu(gearlib.read_train(path), written, **settings)
-    click.echo(f"written to {written}")
+    # An argument called `output` would shadow the module.
+    fmu_path = values["output"] or path.with_suffix(".fmu")
+    output.check_path("--output", fmu_path, force, (".fmu",))
+    speed = speed_in_rpm("speed", speed) or 0.0
+    train = gearlib.read_train(path)
+    gearlib.write_fmu(train, fmu_path, prescribed_speed=prescribed_speed, speed=speed)
+    click.echo(f"written to {fmu_path}")
 
 
-def _tolerance(text):
-    """Return the section `ToleratedParameter` for a string such as "load std=5%".
+def _parse_tolerance(text):
+    """Parse a string such as "load std=5%" to a configuration section `ToleratedParameter`.
 
-    The string `text` has the name of a parameter, then assignments of mean, std and the like, or of
-    `distribution` (a name in scipy.stats) and its shape parameters.
+    `text` has the name of a parameter and assignments, either of mean, std etc., or of
+    `distribution` (the name of a distribution in scipy.stats) and its shape parameters.
     """
     name, *assignments = text.split() or [""]
     value_texts = dict(x.split("=") for x in assignments if x.count("=") == 1)
-    # Repeated keys, and assignments without a single "=", leave fewer texts than assignments.
+    # The dict is shorter than the list if a key is repeated or an assignment is malformed.
     is_complete = len(value_texts) == len(assignments) and all(value_texts.values())
     if not value_texts or not is_complete:
-        raise click.UsageError(f"--tolerance {text!r} must have keys, each once, as 'load std=5%'")
+        raise click.UsageError(f"--tolerance {text!r} must have distinct keys, as in 'load std=5%'")
     values = {key: options.number_or_text(value) for key, value in value_texts.items()}
-    # Unknown keys are parameters of a distribution.
+    # All other keys are shape parameters of the distribution.
     section = tolerances_section.ToleratedParameter
     shape = {key: values.pop(key) for key in values.keys() - section.model_fields.keys()}
     if shape and "distribution" not in values:
         known_keys = ", ".join(
             key for key in section.model_fields if key not in ("parameter", "shape")
         )
-        raise click.UsageError(f"--tolerance {text!r} must have keys of {known_keys}")
-    # The values are checked later, when the unit of the parameter is known.
+        raise click.UsageError(f"--tolerance {text!r} must only have the keys {known_keys}")
+    # The values are validated later, when the unit of the parameter is known.
     return section.model_construct(parameter=name, shape=shape or None, **values)
 
 
-@gear_command("scatter", f"{_SCATTER} points seed max_seconds", "sample", rectangle=True)
-def scatter(gears, model, quantity, samples, points, **settings):
-    """Compute the effect of tolerances on jumps, contact loss, peaks and the duty point."""
+@gear_command("scatter", f"{_SCATTER_OPTIONS} points seed max_seconds", "sample", rectangle=True)
+def scatter(gears, model, quantity, samples, points, **run_options):
+    """Compute how tolerances affect jumps, contact loss, peaks and the duty point."""
     import numpy as np
     import pandas
 
@@ -431,56 +436,58 @@ def scatter(gears, model, quantity, samples, points, **settings):
     from gearlib.studies import tolerance_study
     from gearlib.uncertainty.scatter import refused
 
-    # `settings` are the other options in _SCATTER. Tunings are mesh over natural frequencies; with
-    # `points` 0 no sweep is computed for the designs.
-    first, last = _tuning_range(model, settings.pop("start"), settings.pop("stop"))
-    settings["tunings"] = np.linspace(first, last, points) if points else None
-    settings["speed"] = in_rpm("speed", settings["speed"])
+    # `run_options` are the other options. The tuning is mesh frequency over natural frequency. If
+    # `points` is 0, the designs are not swept over tuning.
+    first, last = _tuning_range(model, run_options.pop("start"), run_options.pop("stop"))
+    run_options["tunings"] = np.linspace(first, last, points) if points else None
+    run_options["speed"] = speed_in_rpm("speed", run_options["speed"])
     names = ("tolerance", "thickness_class", "distance_class", "quality")
-    source, tolerances = _source_and_tolerances(gears, model, *map(settings.pop, names))
-    # A model with two state variables has one degree of freedom.
-    if model.size == 2:
+    source, tolerances = _scatter_source_and_tolerances(gears, model, *map(run_options.pop, names))
+    has_one_degree_of_freedom = model.size == 2  # the size of its state
+    if has_one_degree_of_freedom:
         quantity = quantity or tolerances_section.Tolerances.model_fields["quantities"].default
-        settings["directions"] = ("up", "down", "seeded")
-    designs = gearlib.scatter(source, tolerances, quantity, samples, **settings)
+        run_options["directions"] = ("up", "down", "seeded")
+    designs = gearlib.scatter(source, tolerances, quantity, samples, **run_options)
     for text in refused(designs):
         click.echo(click.wrap_text(text, output.WIDTH))
     header, *rows = tolerance_study.rows(designs)
     table = pandas.DataFrame(rows, columns=header).replace({"unit": WRITTEN_UNITS})
     if rows:
-        output.frame(table.set_index("quantity"))
+        output.print_table(table.set_index("quantity"))
     if points:
-        click.echo("Largest share of the designs that lose contact at a speed:")
-        output.frame(designs.contact_loss_probability.max("speed").to_dataframe())
-    # With sweeps the figure shows bands over the speed, else the distributions of the quantities.
+        click.echo("Largest fraction of designs that lose contact, over all speeds:")
+        output.print_table(designs.contact_loss_probability.max("speed").to_dataframe())
     draw = scatter_figure.draw_bands if points else scatter_figure.draw_quantities
     return designs, lambda plot: draw(designs).axes[0]
 
 
-def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, distance_class, quality):
+def _scatter_source_and_tolerances(
+    gears, model, tolerance_texts, thickness_class, distance_class, quality
+):
     """Return the arguments `source` and `tolerances` of `gearlib.scatter`.
 
-    The source is `model`, or a `StageDesign` if the geometry of `gears` has tolerances.
-    `tolerance_texts`, such as ["load std=5%"], replace the section `tolerances`. `thickness_class`
-    is a class of DIN 3967, or two as in "26cd 25cd"; `distance_class` is a class of DIN 3964,
-    `quality` a class of ISO 1328-1. None means no class.
+    The source is a `StageDesign` if the geometry of `gears` has tolerances, else `model`.
+    `tolerance_texts`, e.g. ["load std=5%"], replace the section `tolerances` of the configuration.
+    `thickness_class` is one class of DIN 3967 or a string of two, e.g. "26cd 25cd";
+    `distance_class` is a class of DIN 3964 and `quality` a class of ISO 1328-1. Classes that are
+    not given are None.
     """
     thickness = None
     if thickness_class is not None:
         thickness = thickness_class.split()
-        allowed = "one class of DIN 3967 for both gears such as 26cd, or two"
+        allowed = "one class of DIN 3967, such as 26cd, or one for each gear"
         checks.require(len(thickness) in (1, 2), "--thickness-class", thickness_class, allowed)
         thickness = (thickness * 2)[:2]
-    section = gears.settings.tolerances
-    option_parameters = list(map(_tolerance, tolerance_texts))
-    has_section = not option_parameters and "tolerances" in gears.mapping
+    section = gears.configuration.tolerances
+    option_parameters = [_parse_tolerance(text) for text in tolerance_texts]
+    has_section = not option_parameters and "tolerances" in gears.config_dict
     has_classes = any(x is not None for x in (thickness, distance_class, quality))
     if not (option_parameters or has_section or has_classes):
         raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
     tolerances, known_parameters = {}, tolerances_section.known_parameters()
     for toleranced in section.parameters if has_section else option_parameters:
         name = toleranced.parameter
-        unit = known_parameters[name].number if name in known_parameters else None
+        unit = known_parameters[name].numeric_unit if name in known_parameters else None
         tolerances[name] = toleranced.distribution_dict(f"tolerances.{name}", unit)
     geometry_only = tolerated.geometry_parameters().keys() - tolerated.pair_parameters().keys()
     needs_geometry = has_classes or bool(tolerances.keys() & geometry_only)
@@ -495,27 +502,26 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     from gearlib.studies.tolerance_study import nominal_design
     from gearlib.uncertainty.quality_classes import by_class
 
-    # The backlash follows from the thickness of the teeth.
+    # With a thickness class, the backlash follows from the tooth thicknesses.
     stage = gears.geometry.geometry_dict() | ({"backlash": None} if thickness else {})
     for gear in ("pinion", "wheel") if quality else ():
         stage[gear] = stage[gear] | {"quality": quality}
     source = nominal_design(model.as_dict(), stage)
-    # If a quality is given, the form of the flanks scatters.
+    # The profile form varies only if a quality class is given.
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
     return source, by_class(source.stage, **classes) | tolerances
 
 
-def _read_measured(values):
-    """Complete the dict of option `values` of the command `fit` in place.
+def _prepare_fit(values):
+    """Convert the option `values` of the command `fit` in place.
 
-    The path of a YAML file, `path`, is replaced by its measured data set, `data`. The strings in
-    `free`, NAME or NAME=LOW,HIGH, are replaced by a dict of the ranges (SI units) in which
-    parameters are fitted. Parameters of the gears without an option get the value that the file
-    states. The model "pair" of the file is called "rectangle" on the command line.
+    The entry `path`, a YAML file, is replaced by `data`, the measured data set that it describes.
+    The entry `free`, a list of NAME or NAME=LOW,HIGH, is replaced by a dict of parameter ranges in
+    SI units. Gear parameters and the model are taken from the file unless options give them.
     """
     path = values.pop("path")
     values["data"] = data = gearlib.read_measured(path)
-    section = measured_description.read(path).fit or measured_description.FitSection()
+    section = measured_description.read_description(path).fit or measured_description.FitSection()
     ranges = {} if values["free"] else dict(section.free)
     for text in values["free"]:
         name, equals, limits = text.partition("=")
@@ -526,24 +532,24 @@ def _read_measured(values):
     values["free"] = {name: measured_description.free_range(name, x) for name, x in ranges.items()}
     known = json.loads(data.attrs["known"])
     if values["config"] is None and not DEFAULT_CONFIG.exists():
-        # Without a configuration the fit starts from the middle of the free ranges.
+        # Without a configuration, the fit starts from the middle of each range.
         known = {name: sum(limits) / 2.0 for name, limits in values["free"].items()} | known
-    # Options take precedence over the values in the file. Only numbers are parameters of a pair.
+    # Options take precedence over the values in the file.
     for name in (*GearPairSection.model_fields, *DAMPINGS):
         if values[name] is None and isinstance(known.get(name), int | float):
             values[name] = known[name]
     values["model"] = values["model"] or section.model
+    # The model "pair" is called "rectangle" on the command line.
     if values["model"] == "pair":
         values["model"] = "rectangle"
 
 
 @gear_command(
-    *("fit", "free", "parameter"), arguments=[_DATA], prepare=_read_measured, rectangle=True
+    *("fit", "free", "parameter"), arguments=[_DATA_ARGUMENT], prepare=_prepare_fit, rectangle=True
 )
 def fit(gears, model, data, free):
-    """Fit parameters of the gears to the measured set that the YAML file DATA describes."""
-    # `gears` are not needed; `free` maps the fitted parameters to (lowest, highest) value. The
-    # result prints its parameters with their uncertainties.
+    """Fit parameters of the gears to the measured data that the YAML file DATA describes."""
+    # `gears` is unused; `free` maps each parameter to its range (lower limit, upper limit).
     text = f"{data.title}{', synthetic' if data.synthetic else ''}: {data.source}"
     repairs = f"; repairs: {data.attrs['repairs']}" if data.attrs["repairs"] else ""
     click.echo(click.wrap_text(text + repairs, output.WIDTH))
@@ -552,24 +558,27 @@ def fit(gears, model, data, free):
     return fitted.dataset(), lambda plot: plot.fit(fitted)
 
 
-@main.command(params=options.STAGE + options.command_options("", "format save plot force"))
+@main.command(params=options.STAGE_OPTIONS + options.command_options("", "format save plot force"))
 def gears(format, save, plot, force, **values):
-    """Print geometry, mesh stiffness by each method and resonance of two gears given by geometry.
+    """Print geometry, mesh stiffness by each method, and resonance speed of two gears.
 
-    With a speed and a damping the table includes the motion at that speed, the duty point.
+    The gears are given by their geometry. With a speed and a damping, the table includes the motion
+    at this speed (the duty point).
     """
     from gearlib.studies import gear_table
 
-    output.check("--save", save, force, options.YAML)
-    output.check("--plot", plot, force, options.PICTURES)
-    # A configuration to be saved must have a damping.
-    gears = take_gears(values, moves=bool(save), needs_geometry=True)
+    output.check_path("--save", save, force, options.YAML)
+    output.check_path("--plot", plot, force, options.PICTURES)
+    # A configuration that is saved must have a damping.
+    gears = pop_gears(values, needs_damping=bool(save), needs_geometry=True)
     if save:
         import yaml
 
-        output.write_text(save, yaml.safe_dump(gears.mapping, sort_keys=False, allow_unicode=True))
-    section, damping = gears.settings.gears, gears.settings.dampings[gears.damping].given()
-    # The table has all methods; the options belong to the configured method, by default iso.
+        text = yaml.safe_dump(gears.config_dict, sort_keys=False, allow_unicode=True)
+        output.write_text(save, text)
+    section = gears.configuration.gears
+    damping = gears.configuration.dampings[gears.damping].configured_values()
+    # The table has every stiffness method, but the options are for the configured method.
     options_by_method = {section.stiffness or "iso": section.stiffness_options}
     load = section.load() | {"damping": damping}
     rows = gear_table.gear_quantities(section.mesh(), options=options_by_method, **load)
@@ -579,33 +588,33 @@ def gears(format, save, plot, force, **values):
         rows += gear_table.duty_rows(model, *point, gears.stiffness(model))
     if format == "text":
         click.echo(gears.name)
-    output.gear_table(rows, format)
+    output.print_gear_table(rows, format)
     if section.speed and gears.damping == NO_DAMPING:
-        click.echo("There is no duty point without a damping: give --damping-ratio.", err=True)
+        click.echo("The duty point needs a damping: give --damping-ratio.", err=True)
     if plot:
         from gearlib.figures import gear_geometry_figure
         from gearlib.studies.gear_geometry import mesh_stiffness
 
-        # These are the keys of a `PublishedPair` without published values.
+        # A `PublishedPair` also has published values; there are none here.
         pair_dict = section.model_dump() | {"torque": section.driving_torque(), "published": {}}
-        curves = mesh_stiffness({"mesh stiffness": pair_dict}, samples=_CURVE_PHASES)
+        curves = mesh_stiffness({"mesh stiffness": pair_dict}, samples=_STIFFNESS_CURVE_SAMPLES)
         output.save_picture(
             plot, gears.name, lambda _: gear_geometry_figure.draw_mesh_stiffness(curves)
         )
-    # The row "settled" says for each method whether the motion repeats.
+    # The row "settled" states for each stiffness method whether the motion is periodic.
     if any(row.name == "settled" and not all(row.values.values()) for row in rows):
         raise click.ClickException("the motion at the duty point has not settled")
 
 
-@main.command(params=options.PAIR + options.command_options("explore", "port"))
-@click.option("--show/--no-show", default=True, help="Open a browser, or do not.")
+@main.command(params=options.PAIR_OPTIONS + options.command_options("explore", "port"))
+@click.option("--show/--no-show", default=True, help="Open a browser.")
 def explore(port, show, **values):
-    """Explore a gear pair with sliders, in the browser."""
+    """Explore a gear pair with sliders in the browser."""
     from gearlib.explorer import page
 
-    # `values` are the options that describe the gears; port 0 means any free port.
-    gears = take_gears(values)
-    page.serve(gears.mapping, gears.damping, port or 0, show)
+    # `values` are the options that describe the gears. Port 0 selects any free port.
+    gears = pop_gears(values)
+    page.serve(gears.config_dict, gears.damping, port or 0, show)
 
 
 @main.command()
@@ -621,20 +630,20 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
 @click.argument("folder", type=_FOLDER)
 @click.option("--gearbox", type=options.FILE, help="REXS file of a gearbox, copied into FOLDER.")
 def init(folder, gearbox):
-    """Begin a project: write a configuration to start from into FOLDER/config.yaml.
+    """Start a project: write a template configuration to FOLDER/config.yaml.
 
-    `gearlib workflow -j2`, called in FOLDER, computes its targets into FOLDER/results. With
-    --gearbox these are all stages and load cases of the gearbox, and the whole box.
+    `gearlib workflow -j2`, called in FOLDER, computes its targets in FOLDER/results. With
+    --gearbox the targets are all stages and load cases of the gearbox and the whole gearbox.
     """
     from gearlib.config import new_project
 
-    # An existing project is never overwritten; the path `gearbox` is None without the option.
+    # An existing project is never overwritten.
     path = folder / DEFAULT_CONFIG
     if path.exists():
         raise click.UsageError(f"{path} exists: choose another folder")
     text = new_project.TEXT
     if gearbox:
-        gearlib.read_gearbox(gearbox)  # Raises the error of a file that cannot be read.
+        gearlib.read_gearbox(gearbox)  # raises an error if the file is invalid
         if (folder / gearbox.name).exists():
             raise click.UsageError(f"{folder / gearbox.name} exists: choose another folder")
         folder.mkdir(parents=True, exist_ok=True)
@@ -644,15 +653,15 @@ def init(folder, gearbox):
 
 
 @main.command(params=[click.Argument(["path"], metavar="FILE", type=options.FILE)])
-@click.option("--report", type=options.FILE, help="HTML page of tables and pictures to write.")
+@click.option("--report", type=options.FILE, help="HTML report of tables and figures to write.")
 @click.option("--force", is_flag=True, help="Replace an existing page.")
 def gearbox(path, report, force):
-    """Print the stages and loads of a gearbox in a REXS FILE: .rexs, .rexsj, .rexsz, .rexs.zip.
+    """Print stages and loads of the gearbox in a REXS FILE: .rexs, .rexsj, .rexsz or .rexs.zip.
 
-    The page of --report has pictures, each stage over the speed, and the modes of the whole box.
+    The report has figures, sweeps of each stage over speed, and the modes of the whole gearbox.
     """
-    # Check the page first, because the computations of the report may take minutes.
-    output.check("--report", report, force, (".html",))
+    # Check the path first, because computing the report may take minutes.
+    output.check_path("--report", report, force, (".html",))
     box = gearlib.read_gearbox(path)
     click.echo(box)
     if report:
@@ -668,35 +677,36 @@ def gearbox(path, report, force):
 )
 @click.option("--all", "everything", is_flag=True, help="Compute all targets.")
 def paper(folder, jobs, everything):
-    """Reproduce the paper in FOLDER, by default ./paper: figures, and a table of its statements.
+    """Reproduce the figures of the paper and check its claims in FOLDER, by default ./paper.
 
-    FOLDER gets results/ and a config.yaml; an existing config.yaml is used as it is.
+    Results are written to FOLDER/results. An existing FOLDER/config.yaml is used unchanged.
     """
-    # The configuration of the package describes the gears of the paper; "all" and "paper" are rules
-    # of its Snakefile.
+    # The package contains the configuration of the paper; "all" and "paper" are Snakemake rules.
     path = folder / DEFAULT_CONFIG
     if not path.exists():
-        output.write_text(path, (_ROOT / DEFAULT_CONFIG).read_text("utf-8"))
+        output.write_text(path, (_WORKFLOW_ROOT / DEFAULT_CONFIG).read_text("utf-8"))
     _run_snakemake(folder, [f"-j{jobs}", "all" if everything else "paper"])
 
 
 @main.command(params=[click.Argument(["folders"], nargs=-1, required=True, type=_FOLDER)])
-@click.option("-o", "--output", "picture", type=options.FILE, help="Picture to draw, as curve.png.")
+@click.option(
+    "-o", "--output", "picture", type=options.FILE, help="Picture to draw, e.g. curve.png."
+)
 @click.option("--force", is_flag=True, help="Replace an existing picture.")
 def compare(folders, picture, force):
-    """Compare projects: print their gears side by side, and draw their resonance in one figure.
+    """Compare projects: print their gears side by side and plot their resonance curves.
 
-    Each FOLDER has results/resonance.nc, which `gearlib workflow -j2 resonance` computes there.
+    Each FOLDER must contain results/resonance.nc, computed by `gearlib workflow -j2 resonance`.
     """
     import pandas
 
     from gearlib.data import storage
 
-    output.check("--output", picture, force, options.PICTURES)
+    output.check_path("--output", picture, force, options.PICTURES)
     names = [folder.resolve().name for folder in folders]
     if len(set(names)) < len(names):
         raise click.UsageError(f"FOLDER {' '.join(names)}: the names of the folders must differ")
-    # The table has a column for each project, which maps the names of quantities to values.
+    # The table has one column per project, a dict of quantity names and values.
     curves, columns = [], {}
     for name, folder in zip(names, folders, strict=True):
         path = folder / "results/resonance.nc"
@@ -705,69 +715,69 @@ def compare(folders, picture, force):
         curves.append(storage.read(path))
         scalars = [value for value in curves[-1].data_vars.values() if not value.ndim]
         rows = [(x.name, "", WRITTEN_UNITS.get(x.units, x.units), float(x)) for x in scalars]
-        # A project of gears given by geometry has a longer table of their quantities.
+        # If the gears are given by their geometry, their table has more quantities.
         table_path = path.with_name("gears.csv")
         if table_path.is_file():
             cells = pandas.read_csv(table_path, keep_default_na=False)
             rows = cells[["name", "of", "unit", "value"]].values.tolist()
         columns[name] = {" ".join(filter(None, label)): value for *label, value in rows}
-    output.frame(pandas.DataFrame(columns))
+    output.print_table(pandas.DataFrame(columns))
     if picture:
         from gearlib.figures import resonance_figure, style
 
         style.save(resonance_figure.draw_cases(curves, names), picture)
-        click.echo(f"drawn in {picture}")
+        click.echo(f"plotted to {picture}")
 
 
 @main.command(context_settings={"ignore_unknown_options": True, "help_option_names": ["-h"]})
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def workflow(arguments):
-    """Run the workflow in this folder: Snakemake with the rules of this package.
+    """Run the Snakemake workflow of this package in the current folder.
 
-    ARGUMENTS are passed to Snakemake, as in `gearlib workflow -j2 --configfile mine.yaml`; as in
-    the other commands, --config mine.yaml does the same.
+    ARGUMENTS are passed to Snakemake, as in `gearlib workflow -j2 --configfile mine.yaml`. As in
+    the other commands, --config mine.yaml selects a configuration file, too.
     """
     arguments = list(arguments) or ["-j2"]
     for i, (argument, next_argument) in enumerate(
         zip(arguments, [*arguments[1:], ""], strict=True)
     ):
-        # Snakemake's own --config takes pairs KEY=VALUE.
+        # Snakemake's own option --config takes KEY=VALUE pairs.
         if argument == "--config" and "=" not in next_argument:
             arguments[i] = "--configfile"
-    # "--configfile=mine.yaml" is divided into the option and its value.
+    # Split "--configfile=mine.yaml" into the option and its value.
     parts = [part for x in arguments for part in re.split("(?<=^--configfile)=", x)]
-    is_file = False
+    is_config_file = False
     for argument in parts:
         if argument.startswith("-"):
-            is_file = argument in ("--configfile", "--configfiles")
-        elif is_file:
-            # Unlike Snakemake, these checks report a missing file, and the line of an error.
-            allowed = "a file; targets stand before this option"
+            is_config_file = argument in ("--configfile", "--configfiles")
+        elif is_config_file:
+            # Unlike Snakemake, these checks report a missing file and the line of an error.
+            allowed = "a file; put targets before this option"
             checks.require(Path(argument).is_file(), "--configfile", argument, allowed)
             validation.read_yaml(argument)
     _run_snakemake(Path(), arguments)
 
 
 def _run_snakemake(folder, arguments):
-    """Run Snakemake in a folder with the rules of this package, and exit with its exit code.
+    """Run Snakemake in `folder` with the rules of this package, and exit with its exit code.
 
-    `arguments` is a list of command-line arguments, such as ["-j2", "all"].
+    `arguments` is a list of command-line arguments, e.g. ["-j2", "all"].
     """
     if find_spec("snakemake") is None:
         raise ModuleNotFoundError("Snakemake is not installed", name="snakemake")
-    command = [sys.executable, "-m", "snakemake", "--snakefile", _ROOT / "Snakefile"]
-    command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
-    command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
-    # Output to a pipe is copied line by line, so that its end does not stop Snakemake.
-    # `sys.__stdout__` is None if standard output, descriptor 1, is closed.
+    command = [sys.executable, "-m", "snakemake", "--snakefile", _WORKFLOW_ROOT / "Snakefile"]
+    command += ["--workflow-profile", _WORKFLOW_ROOT / "profiles/default", "--directory", folder]
+    command += ["--report-stylesheet", _WORKFLOW_ROOT / "workflow/report/report.css", *arguments]
+    # Output to a pipe is copied line by line, so that closing the pipe does not stop Snakemake.
+    # `sys.__stdout__` is None if standard output (file descriptor 1) is closed.
     is_pipe = sys.__stdout__ is not None and not os.isatty(1)
     process = subprocess.Popen(command, stdout=subprocess.PIPE if is_pipe else None)
-    # Ctrl-C is left to Snakemake, which stops its jobs first.
+    # Snakemake handles Ctrl-C itself and stops its jobs first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         for line in process.stdout or ():
             os.write(1, line)
     finally:
-        # If the reader of the output ends, as `| head` does, Snakemake goes on undisturbed.
+        # If the reader of the output exits, as `| head` does, Snakemake still finishes.
         process.communicate()
     sys.exit(process.returncode)

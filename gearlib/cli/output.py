@@ -1,4 +1,4 @@
-"""Printing, writing and drawing of the results of commands."""
+"""Print, write and plot the results of commands."""
 
 import csv
 import io
@@ -11,8 +11,8 @@ import click
 from gearlib.units import WRITTEN_UNITS
 
 WIDTH = 80
-#: Variables of datasets that are printed, in this order.
-_SHOWN = (
+#: Variables of datasets to print, in this order.
+_PRINTED_VARIABLES = (
     *("tuning", "speed", "revolution_speed", "revolution_time", "static_deflection", "period"),
     *("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min"),
     *("dynamic_factor", "peak_force_ratio", "mean_force"),
@@ -26,30 +26,30 @@ _SHOWN = (
 _TABLE_DIMENSIONS = ("mesh", "mode", "coordinate", "contact_phase", "multiplier")
 
 
-def check(option, path, force, suffixes):
-    """Raise an error if an output file cannot be written, or if it exists and `force` is false.
+def check_path(option, path, force, suffixes):
+    """Raise `click.UsageError` if the output file `path` must not or cannot be written.
 
-    `option` is the name of the option for the message. `path` is None if the option is not given;
-    its suffix must be one of `suffixes`, such as ".png".
+    Existing files are replaced only if `force` is true. `option` is the name of the option, used in
+    messages. `path` is None if the option is not given. `suffixes` are the allowed suffixes.
     """
     if path is None:
         return
     if path.suffix not in suffixes:
-        raise click.UsageError(f"{option} {path}: it must end with one of {', '.join(suffixes)}")
+        raise click.UsageError(f"{option} {path} must end with one of {', '.join(suffixes)}")
     try:
-        # Creating a temporary file shows whether the folder exists and can be written to.
+        # A temporary file tests whether the folder exists and is writable.
         tempfile.TemporaryFile(dir=path.parent).close()
         exists = path.exists()
     except OSError as error:
         raise click.UsageError(f"{path} cannot be written: {error.strerror}") from None
     if exists and not force:
-        raise click.UsageError(f"{path} exists: choose another name, or give --force")
+        raise click.UsageError(f"{path} exists: choose another name or use --force")
 
 
-def write(path, dataset, dimension):
-    """Write a dataset to `path` as netCDF or, if its suffix is .csv, as a table.
+def write_dataset(path, dataset, dimension):
+    """Write a dataset as netCDF or, if the suffix of `path` is .csv, as a table.
 
-    The table has one row per entry of the dimension named `dimension`.
+    The table has one row per entry along `dimension`.
     """
     from gearlib.data import storage
 
@@ -61,18 +61,17 @@ def write(path, dataset, dimension):
 
 
 def write_text(path, text):
-    """Write a text file and create its folder; report the path on standard error."""
+    """Write a text file, creating its folder, and report its path on standard error."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     click.echo(f"written to {path}", err=True)
 
 
 def save_picture(path, name, draw, model=None, dataset=None):
-    """Draw a picture of a result and save it to `path`, with the name of the gears below it.
+    """Draw a figure of a result, label it with the name of the gears, and save it to `path`.
 
-    `name` is the name of the gears, and `draw` a function that is called with the module
-    `gearlib.plot` and returns axes. Results on meshes or modes of a gear train are drawn beside a
-    picture of the train: `model` is the train and `dataset` the result, both None otherwise.
+    `draw` is called with the module `gearlib.plot` and returns axes. If `model` is a gear train and
+    `dataset` has a dimension "mesh" or "mode", the figure also shows the layout of the train.
     """
     import matplotlib
 
@@ -80,27 +79,27 @@ def save_picture(path, name, draw, model=None, dataset=None):
     from gearlib import plot
     from gearlib.figures import schematic, style
 
-    # Only trains have names of meshes. Contacts are marked in the picture if they are known.
     axes = draw(plot)
+    # Only trains have mesh names.
     if model is not None and model.mesh_names and {"mesh", "mode"} & {*dataset.dims}:
         schematic.draw_beside(axes, model, dataset if "contact" in dataset else None)
-    style.name_gears(axes.figure, name)
+    style.add_gear_caption(axes.figure, name)
     style.save(axes.figure, path)
-    click.echo(f"drawn in {path}")
+    click.echo(f"plotted to {path}")
 
 
-def show(dataset):
-    """Print the main variables of a dataset, or raise an error if its computation has failed.
+def print_dataset(dataset):
+    """Print the main variables of a dataset; raise an error if its status is not 0 (failed).
 
-    Scalars are printed one per line, and variables over the same dimension, such as "mesh", as
-    columns of one table. A `status` other than 0 means that the computation has failed.
+    Scalars are printed one per line. Variables with the same dimension, such as "mesh", are the
+    columns of one table.
     """
     if "status" in dataset and dataset.status != 0:
         raise click.ClickException(dataset.status.attrs.get("message", "all runs have failed"))
     import pandas
 
     rows, tables = [], {}
-    for name in _SHOWN:
+    for name in _PRINTED_VARIABLES:
         if name not in dataset:
             continue
         variable = dataset[name]
@@ -113,32 +112,29 @@ def show(dataset):
             columns = tables.setdefault(variable.dims[0], {})
             columns[f"{name} {unit}".rstrip()] = variable.to_series()
     if rows:
-        definitions(rows)
+        print_definitions(rows)
     for columns in tables.values():
-        frame(pandas.DataFrame(columns))
+        print_table(pandas.DataFrame(columns))
 
 
-def frame(table):
-    """Print a pandas table; columns that do not fit on a line follow below the others."""
+def print_table(table):
+    """Print a pandas DataFrame; if it is too wide, print its columns in several blocks."""
     table = table.rename_axis(index=None, columns=table.index.name)
     click.echo(table.to_string(line_width=WIDTH, float_format="{:.6g}".format))
 
 
-def definitions(rows):
-    """Print pairs of a term and its description in two columns.
-
-    `rows` is a list of (term, description), both strings; long descriptions are wrapped.
-    """
+def print_definitions(rows):
+    """Print a list of (term, description) in two columns; long descriptions are wrapped."""
     formatter = click.HelpFormatter(width=WIDTH)
     formatter.write_dl(rows, col_max=60)
     click.echo(formatter.getvalue(), nl=False)
 
 
-def gear_table(rows, file_format):
-    """Print the table of gears given by geometry in the format "text", "json" or "csv".
+def print_gear_table(rows, file_format):
+    """Print a table of gear quantities in the format "text", "json" or "csv".
 
-    `rows` are `Quantity` tuples (name, unit, values, meaning) of `gearlib.studies.gear_table`.
-    Their `values` are a dict by pinion and wheel, by mesh, or by stiffness method.
+    `rows` is a list of `gearlib.studies.gear_table.Quantity`, whose `values` map column names, e.g.
+    "pinion" and "wheel", to numbers.
     """
     if file_format == "json":
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))
@@ -149,19 +145,19 @@ def gear_table(rows, file_format):
         csv.writer(text, lineterminator="\n").writerows(cells(rows))
         click.echo(text.getvalue(), nl=False)
     else:
-        # Amplitudes of mesh orders are printed as a table of their own.
+        # The amplitudes of the mesh orders are printed in a separate table.
         amplitudes = [row for row in rows if row.name.startswith("mesh_order")]
         others = [row for row in rows if row not in amplitudes]
-        # Successive rows with the same keys of `values` are a block with common column headings.
-        for columns, block in itertools.groupby(others, lambda row: tuple(row.values)):
-            click.echo(f"{'':25}{''.join(f'{column:13}' for column in columns)}")
+        # Consecutive rows with the same columns form a block with one line of headings.
+        for column_names, block in itertools.groupby(others, lambda row: tuple(row.values)):
+            click.echo(f"{'':25}{''.join(f'{column:13}' for column in column_names)}")
             terms = []
             for row in block:
                 values = "".join(f"{value:<13.6g}" for value in row.values.values())
                 terms.append((f"{row.name:25}{values}{row.unit:6}", row.meaning))
-            definitions(terms)
+            print_definitions(terms)
         if amplitudes:
             import pandas
 
             columns = {f"{row.name}, {row.unit}": row.values for row in amplitudes}
-            frame(pandas.DataFrame(columns).rename_axis("peak amplitudes"))
+            print_table(pandas.DataFrame(columns).rename_axis("peak amplitudes"))

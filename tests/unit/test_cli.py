@@ -210,8 +210,8 @@ simulate PAIR | tuning and speed are missing
 trust PAIR --speed '50 Hz' | speed = '50 Hz' is not allowed: it must be
 simulate --tuning 1 | max_stiffness is missing
 simulate PAIR --tuning 1 -o no/run.nc | run.nc cannot be written: No such file
-simulate PAIR --tuning 1 -o run.h5 | it must end with one of .nc, .csv
-sweep PAIR --plot curve.jpg | it must end with one of .png, .svg, .pdf
+simulate PAIR --tuning 1 -o run.h5 | must end with one of .nc, .csv
+sweep PAIR --plot curve.jpg | must end with one of .png, .svg, .pdf
 simulate PAIR --tuning 1 --damping k1 | give --config
 orbit --config binary.yaml --tuning 1 | binary.yaml is not YAML
 orbit --config twice.yaml --tuning 1 | a is given twice, again in line 3
@@ -231,16 +231,16 @@ run-up PAIR --start 2000 --stop '5 kg' --acceleration 9 | stop = '5 kg' is not a
 run-up PAIR --start 2000 --duration 1 | stop is missing: it must be a finite number >= 0
 run-up PAIR --start 2000 --stop 3000 --duration '2 kg' | '2 kg' is not allowed: it must be
 sweep PAIR --start 0 | start = 0 is not allowed: it must be a finite number from 1e-12
-sweep PAIR --start 1 --stop 1 | stop = 1 is not allowed: it must be another
+sweep PAIR --start 1 --stop 1 | stop = 1 is not allowed: it must be different
 sweep GEOMETRY --stop 1e9rpm | stop = 1000000000.0 is not allowed
 simulate GEOMETRY --model six_degrees --speed 4000 | bearing_stiffness is missing
 simulate --tuning 1 UNDAMPED | damping_ratio is missing
 gears UNDAMPED --save other.yaml | damping_ratio is missing
 modes GEOMETRY | train is missing
 campbell PAIR | train is missing
-scatter PAIR -t load | must have keys, each once, as 'load std=5%'
-scatter PAIR -t 'load std=1% std=2%' | must have keys
-scatter PAIR -t 'load stdd=5%' | must have keys of mean, std
+scatter PAIR -t load | must have distinct keys, as in 'load std=5%'
+scatter PAIR -t 'load std=1% std=2%' | must have distinct keys
+scatter PAIR -t 'load stdd=5%' | must only have the keys mean, std
 scatter GEOMETRY --thickness-class '1 2 3' | --thickness-class = '1 2 3' is not allowed: it must be
 scatter PAIR -t 'torque std=5%' | need gears given by geometry
 scatter PAIR --distance-class js7 | need gears given by geometry

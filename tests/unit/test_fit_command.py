@@ -48,7 +48,7 @@ def run(tmp_path, monkeypatch):
 def test_the_command_fits_with_the_settings_of_its_file(run):
     """Compare the printed and stored fit of the command with `gearlib.fit`."""
     result = run("-o", "fit.nc", "--plot", "fit.png")
-    assert result.exit_code == 0 and "drawn in fit.png" in result.output, result.output
+    assert result.exit_code == 0 and "plotted to fit.png" in result.output, result.output
     lines = result.output.splitlines()
     # The name of the gears, printed first, may take two lines.
     assert "Rig 1, synthetic: computed for this test" in lines and "[[Variables]]" in lines
