@@ -11,8 +11,6 @@ from gearlib.models.trains.statics import equilibrium
 from tests.couple import ROSS_NATURAL_FREQUENCIES
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/how_to/coupling.md"
-
-
 #: Arguments of ROSS's `MultiRotor` that join both rotors by the gear mesh of the page.
 GEAR_COUPLING = {"coupled_nodes": (3, 2), "gear_mesh_stiffness": 2e8, "position": "below"}
 

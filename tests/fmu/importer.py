@@ -21,22 +21,28 @@ class Instance:
     """An instance of an FMU, whose binary is loaded from the unpacked file."""
 
     def __init__(self, path: Path, event_mode: bool = False):
-        """Unpack the FMU to a new folder and create an instance, with Event Mode or without."""
+        """Unpack the FMU into a new folder and create an instance, optionally with Event Mode."""
         self.folder = folder = Path(tempfile.mkdtemp(dir=path.parent))
         with zipfile.ZipFile(path) as archive:
             archive.extractall(folder)
         self.description = ElementTree.parse(folder / "modelDescription.xml").getroot()
         variables = self.description.find("ModelVariables")
-        self.references = {x.get("name"): int(x.get("valueReference")) for x in variables}
+        self.references = {
+            variable.get("name"): int(variable.get("valueReference")) for variable in variables
+        }
         (self.binary,) = folder.glob("binaries/*/*")
         self.library, self.messages, self.time = ctypes.CDLL(str(self.binary)), [], 0.0
-        self.log = _LOGGER(lambda _, status, category, text: self.messages.append(text.decode()))
-        create = self.library.fmi3InstantiateCoSimulation
-        create.restype = c_void_p
+        # The callback is an attribute so that it is not deleted while the library may call it.
+        self.log_message = _LOGGER(
+            lambda _, status, category, message: self.messages.append(message.decode())
+        )
+        instantiate = self.library.fmi3InstantiateCoSimulation
+        instantiate.restype = c_void_p
         token = self.description.get("instantiationToken").encode()
+        # The flags are visible, loggingOn, eventModeUsed and earlyReturnAllowed.
         flags = c_bool(False), c_bool(False), c_bool(event_mode), c_bool(event_mode)
         self.instance = c_void_p(
-            create(b"test", token, None, *flags, None, c_size_t(0), None, self.log, None)
+            instantiate(b"test", token, None, *flags, None, c_size_t(0), None, self.log_message, None)
         )
         assert self.instance.value
 
@@ -46,22 +52,26 @@ class Instance:
             raise RuntimeError(self.messages[-1])
 
     def start(self, **values: float) -> "Instance":
-        """Initialise with values of variables; names may have _ in place of dots."""
-        times = c_bool(False), c_double(0.0), c_double(self.time), c_bool(False), c_double(0.0)
-        self.call("EnterInitializationMode", *times)
+        """Initialise the instance with given values of variables."""
+        has_tolerance, tolerance = c_bool(False), c_double(0.0)
+        has_stop_time, stop_time = c_bool(False), c_double(0.0)
+        start_time = c_double(self.time)
+        self.call(
+            "EnterInitializationMode", has_tolerance, tolerance, start_time, has_stop_time, stop_time
+        )
         self.set(values)
         self.call("ExitInitializationMode")
         return self
 
-    def start_at(self, train, q, v, **values: float) -> "Instance":
-        """Initialise with coordinates in m and their rates in m/s."""
+    def start_at(self, train, coordinates, rates) -> "Instance":
+        """Initialise the instance with coordinates in m and their rates in m/s."""
         names = coordinate_names(train)
-        state = {f"q.{name}": x for name, x in zip(names, q, strict=True)}
-        state |= {f"v.{name}": x for name, x in zip(names, v, strict=True)}
-        return self.start(**(state | values))
+        values = {f"q.{name}": value for name, value in zip(names, coordinates, strict=True)}
+        values |= {f"v.{name}": value for name, value in zip(names, rates, strict=True)}
+        return self.start(**values)
 
     def set(self, values: dict) -> None:
-        """Set variables by name."""
+        """Set variables of type Float64, given as a dict by name."""
         references = (c_uint32 * len(values))(*(self.references[name] for name in values))
         numbers, count = (c_double * len(values))(*values.values()), c_size_t(len(values))
         self.call("SetFloat64", references, count, numbers, count)
@@ -73,56 +83,67 @@ class Instance:
         self.call("GetFloat64", references, count, numbers, count)
         return np.array(numbers)
 
-    def integer(self, name: str) -> int:
+    def get_integer(self, name: str) -> int:
         """Return the value of a variable of type Int32."""
         number, count = c_int32(), c_size_t(1)
         self.call("GetInt32", byref(c_uint32(self.references[name])), count, byref(number), count)
         return number.value
 
-    def state(self, train) -> np.ndarray:
+    def get_state(self, train) -> np.ndarray:
         """Return the coordinates in m, followed by their rates in m/s."""
         names = coordinate_names(train)
         return self.get(*(f"{kind}.{name}" for kind in "qv" for name in names))
 
     def step(self, end: float) -> tuple[bool, bool]:
-        """Advance to a time; return (whether there is an event, whether the step ended early)."""
-        flags, last = [c_bool() for _ in range(3)], c_double()
-        step = c_double(self.time), c_double(end - self.time), c_bool(True)
-        self.call("DoStep", *step, *map(byref, flags), byref(last))
-        early = flags[2].value
-        self.time = last.value if early else end
-        return flags[0].value, early
+        """Advance to the time `end`, s; return whether an event occurred and the step ended early."""
+        needs_event_handling, terminate, returned_early = c_bool(), c_bool(), c_bool()
+        last_time, can_discard_earlier_states = c_double(), c_bool(True)
+        self.call(
+            "DoStep",
+            c_double(self.time),
+            c_double(end - self.time),
+            can_discard_earlier_states,
+            byref(needs_event_handling),
+            byref(terminate),
+            byref(returned_early),
+            byref(last_time),
+        )
+        self.time = last_time.value if returned_early.value else end
+        return needs_event_handling.value, returned_early.value
 
     def run(self, end: float, step: float) -> "Instance":
-        """Advance to a time by equal communication steps; the last one may be shorter."""
-        start, count = self.time, max(round((end - self.time) / step + 0.49), 1)
-        for i in range(1, count + 1):
-            self.step(end if i == count else start + i * step)
+        """Advance to the time `end` by equal communication steps; the last one may be shorter."""
+        start = self.time
+        # A remainder below 0.01 steps, which is due to rounding, does not count as a step.
+        step_count = max(round((end - start) / step + 0.49), 1)
+        for number in range(1, step_count):
+            self.step(start + number * step)
+        self.step(end)
         return self
 
     def enter_event_mode(self) -> None:
-        """Let the instance handle an event."""
+        """Let the instance handle an event and return to Step Mode."""
         flags = [c_bool() for _ in range(5)]
         self.call("EnterEventMode")
         self.call("UpdateDiscreteStates", *map(byref, flags), byref(c_double()))
         self.call("EnterStepMode")
 
-    def serialised(self) -> bytes:
-        """Return the whole state as bytes."""
+    def serialise(self) -> bytes:
+        """Return the FMU state of the instance as bytes."""
         state, size = c_void_p(), c_size_t()
         self.call("GetFMUState", byref(state))
         self.call("SerializedFMUStateSize", state, byref(size))
-        text = (c_uint8 * size.value)()
-        self.call("SerializeFMUState", state, text, size)
+        buffer = (c_uint8 * size.value)()
+        self.call("SerializeFMUState", state, buffer, size)
         self.call("FreeFMUState", byref(state))
-        return bytes(text)
+        return bytes(buffer)
 
-    def restore(self, state: bytes, time: float) -> "Instance":
-        """Restore the whole state from the bytes of `serialised`."""
-        copy = c_void_p()
-        text = (c_uint8 * len(state))(*state)
-        self.call("DeserializeFMUState", text, c_size_t(len(state)), byref(copy))
-        self.call("SetFMUState", copy)
-        self.call("FreeFMUState", byref(copy))
+    def restore(self, serialised_state: bytes, time: float) -> "Instance":
+        """Restore the FMU state from the bytes of `serialise`, and set the time of the instance."""
+        state, size = c_void_p(), len(serialised_state)
+        buffer = (c_uint8 * size)(*serialised_state)
+        self.call("DeserializeFMUState", buffer, c_size_t(size), byref(state))
+        self.call("SetFMUState", state)
+        self.call("FreeFMUState", byref(state))
         self.time = time
         return self
