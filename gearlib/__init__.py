@@ -5,25 +5,25 @@ folder           responsibility
 ===============  ================================================================================
 ``gearboxes``    gearboxes from REXS files: `read_gearbox`
 ``models``       models that can be simulated: parameters, mesh stiffness, equations of motion
-``engines``      exact runs from event to event; compiled, one folder for each kind of system
+``engines``      compiled exact runs from event to event; one folder per kind of system
 ``data``         named datasets and files: names and units, netCDF, CSV
 ``integrators``  the values of ``method=``: propagators, and solvers of other packages
 ``runs``         `simulate`, `sweep`, `run_up`
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
-``studies``      the computations of one figure or table each
+``studies``      computations, each for one figure or table
 ``uncertainty``  measured sets, fits, tolerances: `read_measured`, `fit`, `scatter`
-``figures``      a file per subject, functions that return a `Figure`
+``figures``      functions that return a `Figure`, one file per subject
 ``explorer``     the page with sliders
 ``cli``          the command ``gearlib``
 ``fmu``          gear trains as FMUs, which run without Python: `write_fmu`
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================
 
-Beside them lie ``geometry``, the public names of gears by geometry, ``train_files``, ``plot``,
-pictures of any dataset, ``checks`` of single values, ``colours`` of categories, ``progress`` of
-long calls and limits of their time, ``processor``, the instruction set of jobs, ``tunings`` and
-their names, ``version``. The names below are loaded on first use, so that reading a configuration
-does not pay for the numerical stack.
+Modules beside these folders: ``geometry`` (the public names for gears given by geometry),
+``train_files``, ``plot`` (pictures of any dataset), ``checks`` (of single values), ``colours`` (of
+categories), ``progress`` (progress bars and time limits of long calls), ``processor`` (the
+instruction set of jobs), ``tunings`` (grids and file names) and ``version``. The public names are
+imported on first use, so that reading a configuration does not load the numerical stack.
 """
 
 from importlib import import_module

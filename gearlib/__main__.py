@@ -1,10 +1,10 @@
-"""``python -m gearlib``, and the command ``gearlib``: the command line."""
+"""The command line: ``python -m gearlib`` and the command ``gearlib``."""
 
 from gearlib.cli import main
 
 
 def start():
-    """Run the command of this process."""
+    """Run the command line with the arguments of this process."""
     main(prog_name="gearlib")
 
 

@@ -1,6 +1,6 @@
 """Gears given by geometry: `SpurGear`, `GearStage`, their parts and stiffness, and `planetary_set`.
 
-`GearStage` here is two gears in mesh by geometry, `gearlib.Mesh` is part of a `GearTrain`.
+A `GearStage` is two gears at a centre distance, while a `gearlib.Mesh` is part of a `GearTrain`.
 """
 
 from typing import TYPE_CHECKING
@@ -36,7 +36,7 @@ __all__ = [
 
 
 def __getattr__(name):
-    """Import `ParallelStage` or `planetary_set` on first use: their compiled code loads slowly."""
+    """Import `ParallelStage` or `planetary_set` on first use; their compiled code loads slowly."""
     if name not in ("ParallelStage", "planetary_set"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from gearlib.models.trains import planetary

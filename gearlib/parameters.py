@@ -2,9 +2,9 @@
 
     max_stiffness: Annotated[Stiffness, described("Maximum mesh stiffness", "C_max")]
 
-pydantic checks the annotations of models (`declared`) and functions (`checked`). Docstrings, tables
-of the documentation, sections of the configuration with their schema, options of commands and
-sliders are made from the annotations. This module loads no numerical stack.
+pydantic checks arguments against the annotations of models (`declared`) and functions (`checked`).
+Docstrings, documentation tables, configuration sections and their JSON schema, command-line options
+and sliders are generated from the annotations. This module does not import NumPy.
 """
 
 import contextlib
@@ -46,126 +46,129 @@ from gearlib.checks import InputError
 
 _T = TypeVar("_T")
 
-#: Largest integer of compiled code.
+#: Largest integer in compiled code (int64).
 _MAX_INTEGER = 2**63 - 1
 #: Default of a required parameter.
 MISSING = inspect.Parameter.empty
-#: Wrong values are refused rather than converted, and so are unknown names.
+#: Invalid values raise an error instead of being converted; so do unknown names.
 STRICT = ConfigDict(strict=True, extra="forbid", arbitrary_types_allowed=True)
 
 
 def described(text: str, symbol: str = "") -> Any:
-    """Return the part of an annotation that describes a parameter, with its symbol."""
+    """Return the metadata of an annotation that describe a parameter: text and symbol."""
     return Field(description=text, title=symbol or None)
 
 
-# Parts of annotations that read values. A text may stand for a number only in a configuration,
-# whose validation has a context.
+# Metadata that convert values. Strings are accepted as numbers only in configuration files, for
+# whose validation pydantic passes a context.
 
 
 @dataclass(frozen=True)
 class Unit:
     """The SI unit of a real number, or "1".
 
-    `example` is a value in another unit, as a configuration may have it. `infinite` says what
-    infinity means, "" if it is not allowed.
+    `example` is a value with another unit, as allowed in configuration files. `infinity_text`
+    explains what infinity means; it is "" if infinity is not allowed.
     """
 
     unit: str
     example: str = ""
-    infinite: str = ""
+    infinity_text: str = ""
 
     def read(self, value: Any, info: ValidationInfo | None = None) -> float:
-        """Return a real number as float, or raise ValueError if `value` is not allowed.
+        """Return a real number as a float; raise ValueError if `value` is not allowed.
 
         In a configuration file, `value` may also be a string with a unit, such as "3 kN". pydantic
-        passes `info`, whose `context` is None except when a configuration file is validated.
+        passes `info`; its `context` is None unless a configuration file is being validated.
         """
         if isinstance(value, str) and info is not None and info.context is not None:
             try:
-                value = self._number_of(value)
+                value = self._parse(value)
             except ValueError:
-                # The error needs no message: `Parameter.check` writes it from the annotation.
+                # `Parameter.check` writes the message, based on the annotation.
                 raise ValueError from None
         if isinstance(value, Real) and not isinstance(value, bool):
             with contextlib.suppress(OverflowError):
                 number = float(value)
-                if math.isfinite(number) or (self.infinite and not math.isnan(number)):
+                if math.isfinite(number) or (self.infinity_text and not math.isnan(number)):
                     return number
         raise ValueError
 
-    def _number_of(self, text: str) -> float:
-        """Return the number that the string `text` stands for, in the unit `self.unit`.
+    def _parse(self, text: str) -> float:
+        """Parse a number with a unit and return it in the unit `self.unit`.
 
-        Return NaN or raise ValueError if it stands for none. Numbers without a unit are also
-        accepted, because YAML reads some numbers, such as 4e8, as strings.
+        Numbers without a unit are also accepted, because YAML reads some numbers, such as 4e8, as
+        strings. For invalid text, return NaN or raise ValueError.
         """
-        if self.infinite and text == ".inf":
+        if self.infinity_text and text == ".inf":
             return math.inf
-        if units.NUMBER.fullmatch(text):
+        if units.NUMBER_PATTERN.fullmatch(text):
             return float(text)
-        return math.nan if self.unit == "1" else units.read(text, self.unit)
+        return math.nan if self.unit == "1" else units.parse_quantity(text, self.unit)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Return the pydantic schema that calls `read` before other checks of the type `source`."""
+        """Return a pydantic schema that calls `read` before it checks the type `source`."""
         return core_schema.with_info_before_validator_function(self.read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict:
-        """Return the JSON schema of the number, which may also be a string if it has a unit."""
-        node = handler(schema)
+        """Return the JSON schema of the number, which may be a string unless the unit is "1"."""
+        number_schema = handler(schema)
         if self.unit != "1":
-            node |= {"type": ["number", "string"], "pattern": f"^{units.TEXT.pattern}$"}
-        return node
+            pattern = f"^{units.QUANTITY_PATTERN.pattern}$"
+            number_schema |= {"type": ["number", "string"], "pattern": pattern}
+        return number_schema
 
 
 @dataclass(frozen=True)
 class Allowed:
-    """The allowed values in words, where the type does not say them."""
+    """The allowed values as a noun phrase, if the type does not specify them."""
 
-    words: str
+    phrase: str
 
 
 @dataclass(frozen=True)
 class Values:
-    """A sequence of values, whose number must be `count` if this is given.
+    """A sequence of `count` values, or of any number of values if `count` is None.
 
-    With `repeat` a single value stands for `count` equal values.
+    If `repeat` is true, a single value is also accepted and repeated `count` times.
     """
 
     count: int | None = None
     repeat: bool = False
 
     def read(self, values: Any) -> tuple | None:
-        """Return values as a tuple, or raise ValueError if they are not as many as required.
+        """Return `values` as a tuple; raise ValueError if their number is not `self.count`.
 
-        `self.count` is the required number, None for any number. With `self.repeat`, a single value
-        stands for `count` equal values.
+        A `count` of None allows any number of values. If `self.repeat` is true, a single value is
+        repeated `count` times.
         """
         if values is None:
-            return None  # The type decides whether None is allowed.
+            return None  # pydantic checks afterwards whether the type allows None.
         if self.repeat and not isinstance(values, (tuple, list)):
             values = (values,) * (self.count or 1)
         try:
             return tuple(checks.check_sequence("", values, self.count))
         except InputError:
-            # The error needs no message: `Parameter.check` writes it from the annotation.
+            # `Parameter.check` writes the message, based on the annotation.
             raise ValueError from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Return the pydantic schema that calls `read` before other checks of the type `source`."""
+        """Return a pydantic schema that calls `read` before it checks the type `source`."""
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict:
-        """Return the JSON schema of the sequence, with the number of its entries if it is fixed."""
-        node = handler(schema)
-        return node | ({"minItems": self.count, "maxItems": self.count} if self.count else {})
+        """Return the JSON schema of the sequence, with its length if this is fixed."""
+        sequence_schema = handler(schema)
+        if self.count is None:
+            return sequence_schema
+        return sequence_schema | {"minItems": self.count, "maxItems": self.count}
 
 
 def _read_integer(value: Any, info: ValidationInfo) -> int:
-    """Return an integer as int, or raise ValueError if `value` is none, or too large.
+    """Return `value` as an int; raise ValueError if it is not an integer or is too large.
 
-    In a configuration file, a string such as "12" also counts as an integer. pydantic passes
-    `info`, whose `context` is None except when a configuration file is validated.
+    In a configuration file, a string such as "12" is also accepted. pydantic passes `info`; its
+    `context` is None unless a configuration file is being validated.
     """
     if isinstance(value, str) and info.context is not None and re.fullmatch(r"[-+]?\d+", value):
         value = int(value)
@@ -175,10 +178,10 @@ def _read_integer(value: Any, info: ValidationInfo) -> int:
 
 
 def _read_boolean(value: Any, info: ValidationInfo) -> Any:
-    """Return True or False for the strings "true" and "false" of a configuration file.
+    """Convert the strings "true" and "false" of a configuration file to True and False.
 
-    All other values are returned unchanged; pydantic then checks them. It passes `info`, whose
-    `context` is None except when a configuration file is validated.
+    All other values are returned unchanged; pydantic checks them afterwards. pydantic passes
+    `info`; its `context` is None unless a configuration file is being validated.
     """
     if isinstance(value, str) and info.context is not None:
         return {"true": True, "false": False}.get(value.lower(), value)
@@ -186,16 +189,16 @@ def _read_boolean(value: Any, info: ValidationInfo) -> Any:
 
 
 def _read_choice(value: Any, info: ValidationInfo) -> Any:
-    """Return `value` in the type in which pydantic compares it with the choices of a parameter.
+    """Convert a string such as "12" of a configuration file to an int; return others unchanged.
 
-    In a configuration file, a string such as "12" becomes an integer. pydantic passes `info`, whose
-    `context` is None except when a configuration file is validated. Booleans raise ValueError,
-    because Python counts True as equal to the choice 1.
+    pydantic then compares the value with the choices of a `Literal` type. Booleans raise
+    ValueError, because True == 1 in Python. pydantic passes `info`; its `context` is None unless a
+    configuration file is being validated.
     """
     if isinstance(value, bool):
         raise ValueError
-    is_text = isinstance(value, str) and info.context is not None
-    return int(value) if is_text and re.fullmatch(r"[-+]?\d+", value) else value
+    is_string_in_file = isinstance(value, str) and info.context is not None
+    return int(value) if is_string_in_file and re.fullmatch(r"[-+]?\d+", value) else value
 
 
 INTEGER, CHOICE = BeforeValidator(_read_integer), BeforeValidator(_read_choice)
@@ -209,65 +212,66 @@ class Parameter:
     default: Any = MISSING
 
     @functools.cached_property
-    def text(self) -> str:
-        """The description."""
-        return self._field.description or ""
+    def raw_description(self) -> str:
+        """The description as in the annotation, without symbol and unit."""
+        return self._field_info.description or ""
 
     @functools.cached_property
     def symbol(self) -> str:
-        """The symbol, or ""."""
-        return self._field.title or ""
+        """The symbol in equations, or ""."""
+        return self._field_info.title or ""
 
     @functools.cached_property
-    def _field(self) -> Any:
+    def _field_info(self) -> Any:
         return pydantic.fields.FieldInfo.from_annotation(self.annotation)
 
     @functools.cached_property
-    def number(self) -> Unit | None:
-        """The unit of a real number; None for a parameter of another type, such as a list."""
-        return _unit_of(self.annotation)
+    def numeric_unit(self) -> Unit | None:
+        """The unit if the parameter is a real number; None for other types, such as lists."""
+        return _get_unit(self.annotation)
 
     @property
     def unit(self) -> str:
         """Unit of the parameter, or of the numbers in a list; "" if it is dimensionless."""
         annotation = self.annotation
-        while (item := _item_of(annotation)) is not None:
-            annotation = item
-        number = _unit_of(annotation)
-        return "" if number is None or number.unit == "1" else number.unit
+        while (item_type := _item_type(annotation)) is not None:
+            annotation = item_type
+        unit = _get_unit(annotation)
+        return "" if unit is None or unit.unit == "1" else unit.unit
 
     @property
     def allowed(self) -> str:
-        """The allowed values in words."""
-        return requirement(self.annotation)
+        """The allowed values as a noun phrase, such as "a finite number > 0"."""
+        return describe_requirement(self.annotation)
 
     @property
     def long_name(self) -> str:
-        """Short name: the description up to a comma, semicolon or =, with a small first letter."""
-        name = re.split(r"[;,=]", self.text)[0].strip()
+        """The description up to the first comma, semicolon or =, with a lower-case first letter."""
+        name = re.split(r"[;,=]", self.raw_description)[0].strip()
         return name[:1].lower() + name[1:]
 
     @property
     def description(self) -> str:
-        """Sentence with name, symbol, unit and the rest of the description: "Mass m, kg; ..."."""
-        name = re.split(r";|\. ", self.text)[0]
+        """The description with symbol and unit inserted, such as "Mass m, kg; ..."."""
+        name = re.split(r";|\. ", self.raw_description)[0]
         name_and_symbol = " ".join(filter(None, (name, self.symbol)))
-        return f"{', '.join(filter(None, (name_and_symbol, self.unit)))}{self.text[len(name) :]}."
+        label = ", ".join(filter(None, (name_and_symbol, self.unit)))
+        return f"{label}{self.raw_description[len(name) :]}."
 
     def check(self, name: str, value: Any) -> Any:
-        """Return a value converted to the type of the parameter, or raise an `InputError`.
+        """Return `value` converted to the type of the parameter, or raise an `InputError`.
 
-        `name` is the place of the value in the message. If an entry of a list or dict is wrong, the
-        message names the entry, such as "name[2]".
+        `name` is the parameter name in the message. If an entry of a list or dict is invalid, the
+        message names that entry, such as "name[2]".
         """
         try:
             return self._adapter.validate_python(value)
         except ValidationError as error:
-            path, annotation = place_of(self.annotation, error.errors()[0]["loc"])
+            path, annotation = resolve_location(self.annotation, error.errors()[0]["loc"])
             for index in path:
                 value = value[index]
-            allowed = requirement(annotation) + unit_hint(value, annotation)
-            raise InputError(f"{name}{dotted(path)}", value, allowed) from None
+            allowed = describe_requirement(annotation) + unit_hint(value, annotation)
+            raise InputError(f"{name}{format_path(path)}", value, allowed) from None
 
     @functools.cached_property
     def _adapter(self) -> TypeAdapter:
@@ -275,22 +279,22 @@ class Parameter:
 
 
 def check(name: str, value: Any, annotation: Any) -> Any:
-    """Return a value converted to the type of an annotation, or raise an `InputError`.
+    """Return `value` converted to the type of `annotation`, or raise an `InputError`.
 
     `annotation` is an `Annotated` type with bounds and unit, such as `Stiffness`; `name` is the
-    name of the value in the message.
+    parameter name in the message.
     """
-    return _parameter_of(annotation).check(name, value)
+    return _get_parameter(annotation).check(name, value)
 
 
-_parameter_of = functools.cache(Parameter)
+_get_parameter = functools.cache(Parameter)
 
 
 @functools.cache
 def declared_parameters(constructor: Any) -> dict[str, Parameter]:
-    """Return a dict: name -> `Parameter` of each parameter declared with an `Annotated` type.
+    """Return the parameters declared with an `Annotated` type as a dict: name -> `Parameter`.
 
-    `constructor` is a dataclass, whose fields are its parameters, or a function.
+    `constructor` is a function, or a dataclass, whose fields are its parameters.
     """
     parameters = {}
     if dataclasses.is_dataclass(constructor):
@@ -306,44 +310,44 @@ def declared_parameters(constructor: Any) -> dict[str, Parameter]:
 
 
 def _is_declared(annotation: Any) -> bool:
-    """Return whether an annotation, or one of the types of a union, is an `Annotated` type."""
-    options = get_args(annotation) if is_union(annotation) else (annotation,)
-    return any(get_origin(option) is Annotated for option in options)
+    """Return whether an annotation is an `Annotated` type, or a union that contains one."""
+    types_in_union = get_args(annotation) if is_union(annotation) else (annotation,)
+    return any(get_origin(x) is Annotated for x in types_in_union)
 
 
 def numeric_parameters(constructor: Any) -> dict[str, Parameter]:
-    """Return a dict: name -> `Parameter` of each declared parameter that is a real number."""
-    return {name: x for name, x in declared_parameters(constructor).items() if x.number}
+    """Return the declared parameters that are real numbers as a dict: name -> `Parameter`."""
+    return {name: x for name, x in declared_parameters(constructor).items() if x.numeric_unit}
 
 
 def units_and_names(constructor: Any) -> dict[str, tuple[str, str]]:
-    """Return a dict: name -> (unit in CF notation, long name) of each declared real number.
+    """Return a dict: name of a real parameter -> (unit in CF notation, long name).
 
     `constructor` is a dataclass or a function.
     """
-    numeric = numeric_parameters(constructor)
-    return {name: (units.cf_units(x.unit), x.long_name) for name, x in numeric.items()}
+    parameters = numeric_parameters(constructor)
+    return {name: (units.cf_units(x.unit), x.long_name) for name, x in parameters.items()}
 
 
-# Parts of annotations.
+# Analysis of annotations.
 
 
-def parts(annotation: Any) -> tuple[Any, tuple]:
-    """Split an annotation into its type without metadata, and a tuple of all its metadata.
+def split_annotation(annotation: Any) -> tuple[Any, tuple]:
+    """Split an annotation into its type without metadata and a tuple of its metadata.
 
-    Metadata are the further arguments of `Annotated`, such as bounds and unit, also of nested
-    `Annotated` types, and the bounds inside pydantic fields. An optional type (X or None) counts as
-    X.
+    Metadata are the further arguments of `Annotated`, such as bounds and unit, including those of
+    nested `Annotated` types, and the bounds inside pydantic fields. An optional type, X | None, is
+    treated as X.
     """
     if get_origin(annotation) is Annotated:
         annotated_type, *metadata = get_args(annotation)
-        base, inner_metadata = parts(annotated_type)
+        base, inner_metadata = split_annotation(annotated_type)
         fields = [x for x in metadata if isinstance(x, pydantic.fields.FieldInfo)]
         bounds = [bound for field in fields for bound in field.metadata]
         return base, (*inner_metadata, *metadata, *bounds)
-    options = [x for x in get_args(annotation) if x is not types.NoneType]
-    if is_union(annotation) and len(options) == 1:
-        return parts(options[0])
+    non_none_types = [x for x in get_args(annotation) if x is not types.NoneType]
+    if is_union(annotation) and len(non_none_types) == 1:
+        return split_annotation(non_none_types[0])
     return annotation, ()
 
 
@@ -352,30 +356,29 @@ def is_union(annotation: Any) -> bool:
     return get_origin(annotation) in (Union, types.UnionType)
 
 
-def _item_of(annotation: Any) -> Any:
-    """Return the type of the items if an annotation is a list or tuple, else None."""
-    base, _ = parts(annotation)
+def _item_type(annotation: Any) -> Any:
+    """Return the item type of a list or tuple annotation, None for other types."""
+    base, _ = split_annotation(annotation)
     return get_args(base)[0] if get_origin(base) in (tuple, list) and get_args(base) else None
 
 
-def _unit_of(annotation: Any) -> Unit | None:
+def _get_unit(annotation: Any) -> Unit | None:
     """Return the `Unit` in the metadata of an annotated float, None for other types.
 
-    If there are several, the last one counts, because outer metadata come last and override inner
-    ones.
+    If there are several, the last one is returned, because outer metadata come last and override
+    inner ones.
     """
-    base, metadata = parts(annotation)
-    unit_parts = [x for x in metadata if isinstance(x, Unit)]
-    return unit_parts[-1] if unit_parts and base is float else None
+    base, metadata = split_annotation(annotation)
+    unit_entries = [x for x in metadata if isinstance(x, Unit)]
+    return unit_entries[-1] if unit_entries and base is float else None
 
 
-def replace_class(annotation: Any, replace: Callable[[type], type]) -> Any:
-    """Return an annotation in which the dataclass of a part has been replaced by another class.
+def replace_dataclass(annotation: Any, replace: Callable[[type], type]) -> Any:
+    """Return the annotation with its type replaced by `replace(type)` if this is a dataclass.
 
-    A part is a dataclass inside a model, such as a tip relief; `replace` maps its class to the new
-    one. In a union, None is dropped, and other types are preferred to dataclasses.
+    Metadata are kept. A union is first reduced to its first type that is not a dataclass.
     """
-    base, metadata = parts(annotation)
+    base, metadata = split_annotation(annotation)
     if is_union(base):
         base = next(x for x in get_args(base) if not dataclasses.is_dataclass(x))
     if dataclasses.is_dataclass(base):
@@ -383,18 +386,18 @@ def replace_class(annotation: Any, replace: Callable[[type], type]) -> Any:
     return Annotated[(base, *metadata)] if metadata else base
 
 
-def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
-    """Convert the location of an error from pydantic to a path; return (path, annotation).
+def resolve_location(root: Any, location: tuple) -> tuple[tuple, Any]:
+    """Convert the `location` of a pydantic error to a path; return (path, annotation).
 
-    `root` is the type in which pydantic's tuple `location` of names and indices starts. Each entry
-    of the path leads one level down into a model, dict or list. Entries of `location` that are no
-    keys of the user, such as the name of a type in a union, are skipped or end the path. The
-    returned annotation belongs to the value at the end of the path.
+    `location` is pydantic's tuple of names and indices, starting from the type `root`. Each entry
+    of the path leads one level down into a model, dict or list. Other entries of `location` are
+    omitted: kinds of sections in a union are skipped, and names that pydantic adds end the path.
+    The returned annotation belongs to the value at the end of the path.
     """
     path: list = []
     for name in location:
-        base, _ = parts(root)
-        if is_union(base) and (section := _section_of_kind(base, name)):
+        base, _ = split_annotation(root)
+        if is_union(base) and (section := _find_section(base, name)):
             root = section
             continue
         field = getattr(base, "__pydantic_fields__", {}).get(name)
@@ -402,24 +405,24 @@ def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
             root = Annotated[(field.annotation, *field.metadata, field)]
         elif get_origin(base) is dict:
             root = get_args(base)[1]
-        elif isinstance(name, int) and _item_of(base) is not None:
-            root = _item_of(base)
+        elif isinstance(name, int) and _item_type(base) is not None:
+            root = _item_type(base)
         else:
             break
         path.append(name)
     return tuple(path), root
 
 
-def _section_of_kind(union: Any, kind: Any) -> Any:
-    """Return the configuration section in a union whose key `kind` allows this value, or None."""
-    sections = (x for x in get_args(union) if kind in get_args(kinds([x])))
+def _find_section(union: Any, kind: Any) -> Any:
+    """Return the configuration section of a union whose key `kind` may be `kind`, or None."""
+    sections = (x for x in get_args(union) if kind in get_args(kind_literal([x])))
     return next(sections, None)
 
 
-def kinds(sections: Iterable) -> Any:
-    """Return a Literal type of all values that the key `kind` has in some configuration sections.
+def kind_literal(sections: Iterable) -> Any:
+    """Return a Literal type of all values that the key `kind` may have in these sections.
 
-    Sections are pydantic models; the value of `kind` decides which of them applies.
+    `sections` are alternative pydantic models of the configuration; `kind` selects one of them.
     """
     values: list = []
     for section in sections:
@@ -429,83 +432,83 @@ def kinds(sections: Iterable) -> Any:
     return Literal[tuple(values)]
 
 
-def dotted(path: tuple) -> str:
+def format_path(path: tuple) -> str:
     """Return a path of names and indices as text, such as "scenes.fig6.cases[0]"."""
     return "".join(f"[{x}]" if isinstance(x, int) else f".{x}" for x in path).removeprefix(".")
 
 
-# Allowed values in words.
+# Descriptions of allowed values.
 
 
-def requirement(annotation: Any, in_file: bool = False) -> str:
-    """Return in words which values an annotation allows, such as "a finite number > 0".
+def describe_requirement(annotation: Any, in_file: bool = False) -> str:
+    """Return a noun phrase for the values that an annotation allows: "a finite number > 0".
 
-    With `in_file` the words are about a configuration file, where numbers may be strings with
-    units.
+    If `in_file`, the phrase is for a configuration file, where numbers may be strings with units.
     """
-    base, metadata = parts(annotation)
-    for part in reversed(metadata):
-        if isinstance(part, Allowed):
-            return part.words
+    base, metadata = split_annotation(annotation)
+    for entry in reversed(metadata):
+        if isinstance(entry, Allowed):
+            return entry.phrase
     origin = get_origin(base)
     if base in (float, int):
-        return _number_in_words(base, metadata, in_file)
+        return _describe_number(base, metadata, in_file)
     if base is bool:
         return "true or false" if in_file else "True or False"
     if origin is Literal:
         return f"one of {', '.join(map(str if in_file else repr, get_args(base)))}"
     if origin in (tuple, list):
-        return _list_in_words(get_args(base)[0], metadata, in_file)
+        return _describe_list(get_args(base)[0], metadata, in_file)
     if origin is dict:
         names = "at least one name" if any(isinstance(x, MinLen) for x in metadata) else "names"
-        return f"a mapping of {names} to {requirement(get_args(base)[1], in_file)}"
+        return f"a mapping of {names} to {describe_requirement(get_args(base)[1], in_file)}"
     if is_union(base):
-        options = (x for x in get_args(base) if x is not types.NoneType)
-        *others, last = (requirement(option, in_file) for option in options)
-        return f"{', '.join(others)} or {last}"
+        alternatives = (x for x in get_args(base) if x is not types.NoneType)
+        *phrases, last_phrase = (describe_requirement(x, in_file) for x in alternatives)
+        return f"{', '.join(phrases)} or {last_phrase}"
     if base is str:
-        return _text_in_words(metadata)
+        return _describe_string(metadata)
     if issubclass(base, pydantic.BaseModel):
         return f"a mapping with the keys {', '.join(base.__pydantic_fields__)}"
     return f"a {base.__name__}"
 
 
-def _number_in_words(base: type, metadata: tuple, in_file: bool) -> str:
-    """Return in words which numbers are allowed, such as "a finite number > 0", with their unit.
+def _describe_number(base: type, metadata: tuple, in_file: bool) -> str:
+    """Return a noun phrase for the allowed numbers, such as "a finite number > 0".
 
-    `base` is int or float; `metadata` are the entries of an `Annotated` type, with bounds and unit.
-    With `in_file` the words are about a configuration file, where numbers may be strings with
-    units.
+    `base` is int or float; `metadata` are the bounds and unit of an `Annotated` type. If `in_file`,
+    the phrase is for a configuration file, where numbers may be strings with units, and states the
+    unit.
     """
     unit = next((x for x in reversed(metadata) if isinstance(x, Unit)), Unit("1"))
-    texts = {}
-    for kind, name, sign in ((Gt, "gt", ">"), (Ge, "ge", ">="), (Lt, "lt", "<"), (Le, "le", "<=")):
-        for bound in metadata:
-            if isinstance(bound, kind):
-                texts[sign] = _bound_in_words(getattr(bound, name))
-    if texts.keys() >= {">=", "<="}:
-        limits = f"from {texts['>=']} to {texts['<=']}"
+    bounds = {}
+    bound_types = ((Gt, "gt", ">"), (Ge, "ge", ">="), (Lt, "lt", "<"), (Le, "le", "<="))
+    for bound_type, attribute, operator in bound_types:
+        for entry in metadata:
+            if isinstance(entry, bound_type):
+                bounds[operator] = _format_bound(getattr(entry, attribute))
+    if bounds.keys() >= {">=", "<="}:
+        limits = f"from {bounds['>=']} to {bounds['<=']}"
     else:
-        limits = " and ".join(f"{sign} {text}" for sign, text in texts.items())
+        limits = " and ".join(f"{operator} {bound}" for operator, bound in bounds.items())
     if base is int:
         noun = "an integer"
     else:
-        noun = "a number" if unit.infinite else "a finite number"
+        noun = "a number" if unit.infinity_text else "a finite number"
     note = "(rad)" if unit.unit == "rad" else ""
-    if unit.infinite:
-        note = f"({unit.infinite})"
+    if unit.infinity_text:
+        note = f"({unit.infinity_text})"
     if in_file and unit.unit != "1":
-        infinity = "or .inf, " if unit.infinite else ""
+        infinity = "or .inf, " if unit.infinity_text else ""
         note = f"{infinity}in {unit.unit} or a text with its unit such as {unit.example!r}"
     return " ".join(filter(None, (noun, limits, note)))
 
 
-def _list_in_words(item: Any, metadata: tuple, in_file: bool) -> str:
-    """Return in words which lists are allowed, such as "a list of 2 entries, each a finite number".
+def _describe_list(item_type: Any, metadata: tuple, in_file: bool) -> str:
+    """Return a noun phrase such as "a list of 2 entries, each a finite number".
 
-    `item` is the type of the entries; `metadata` are the entries of an `Annotated` type, which may
-    limit their number. With `in_file` the words are about a configuration file, where numbers may
-    be strings with units.
+    `item_type` is the type of the entries; `metadata` of an `Annotated` type may limit their
+    number. If `in_file`, the phrase is for a configuration file, where numbers may be strings with
+    units.
     """
     values = next((x for x in metadata if isinstance(x, Values)), Values())
     min_length = next((x.min_length for x in metadata if isinstance(x, MinLen)), 0)
@@ -515,22 +518,22 @@ def _list_in_words(item: Any, metadata: tuple, in_file: bool) -> str:
         entries = f"{length} entries"
     else:
         entries = "at least one entry" if min_length else "entries"
-    single = "one value or " if values.repeat else ""
-    return f"{single}a list of {entries}, each {requirement(item, in_file)}"
+    alternative = "one value or " if values.repeat else ""
+    return f"{alternative}a list of {entries}, each {describe_requirement(item_type, in_file)}"
 
 
-def _text_in_words(metadata: tuple) -> str:
-    """Return in words which strings `metadata` allow by a pattern or a largest length."""
-    for part in metadata:
-        if pattern := getattr(part, "pattern", None):
+def _describe_string(metadata: tuple) -> str:
+    """Return a noun phrase for strings whose pattern or maximum length is limited by `metadata`."""
+    for entry in metadata:
+        if pattern := getattr(entry, "pattern", None):
             return f"a text matching {pattern}"
-        if isinstance(part, MaxLen):
-            return f"a text of 1 to {part.max_length} characters"
+        if isinstance(entry, MaxLen):
+            return f"a text of 1 to {entry.max_length} characters"
     return "a text"
 
 
-def _bound_in_words(value: float) -> str:
-    """Return the bound of a number as a string: fractions of pi for angles, such as "pi / 2"."""
+def _format_bound(value: float) -> str:
+    """Format the bound of a number; angles become fractions of pi, such as "pi / 2"."""
     if value == math.tau:
         return "2 pi"
     for n in (2, 3, 4):
@@ -544,14 +547,14 @@ def _bound_in_words(value: float) -> str:
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
-    """Return a decorator that makes an immutable dataclass whose fields pydantic checks.
+    """Return a decorator that turns a class into an immutable dataclass with checked fields.
 
-    A wrong value raises an `InputError`. A table of the parameters is added to the docstring of the
-    class. With `kw_only` all arguments are keyword arguments.
+    An invalid value raises an `InputError`. A table of the parameters is added to the docstring of
+    the class. If `kw_only`, all arguments are keyword-only.
     """
 
     def decorate(cls: type[_T]) -> type[_T]:
-        """Return the checked dataclass that replaces the class `cls` with annotated fields."""
+        """Return the checked dataclass that is made from `cls`."""
         dataclass_type = pydantic.dataclasses.dataclass(
             frozen=True, kw_only=kw_only, config=STRICT
         )(cls)
@@ -559,61 +562,63 @@ def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
         names = [field.name for field in dataclasses.fields(dataclass_type)]
 
         def __init__(self, *args, **arguments):
-            """Initialize the dataclass; raise the error of pydantic as an `InputError`."""
+            """Initialize the dataclass; convert an error of pydantic to an `InputError`."""
             try:
                 initialize(self, *args, **arguments)
             except ValidationError as error:
                 named_arguments = dict(zip(names, args, strict=False)) | arguments
-                raise _input_error(error, dataclass_type, named_arguments) from None
+                raise _convert_error(error, dataclass_type, named_arguments) from None
 
-        __init__.__module__ = cls.__module__  # Tools that read the code look for its source there.
+        # Documentation tools look for the source code in this module.
+        __init__.__module__ = cls.__module__
         dataclass_type.__init__ = __init__
-        return documented(dataclass_type)
+        return add_parameter_table(dataclass_type)
 
     return decorate
 
 
-def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exception:
+def _convert_error(error: ValidationError, cls: type, arguments: dict) -> Exception:
     """Convert the first error of pydantic to an `InputError`, or to a TypeError for a wrong name.
 
-    `cls` is the dataclass that was called, `arguments` are its arguments by name. An error that the
-    class itself raised in `__post_init__` is returned unchanged.
+    `cls` is the dataclass, `arguments` maps names to its arguments. An error that `__post_init__`
+    raised is returned unchanged.
     """
     details = error.errors(include_url=False)[0]
     location, cause = details["loc"], details.get("ctx", {}).get("error")
     if not location and cause is not None:
-        return cause  # It was raised by `__post_init__`.
+        return cause  # raised by `__post_init__`
     names, problem = list(arguments), details["type"].replace("_", " ")
     if isinstance(location[0], int) and "unexpected" not in problem:
-        # pydantic gives the number of a positional argument, which is replaced by its name.
+        # pydantic gives the position of a positional argument; replace it by the name.
         location = names[location[0]], *location[1:]
-    path, annotation = place_of(cls, location)
+    path, annotation = resolve_location(cls, location)
     if problem == "missing" or not path:
-        known = ", ".join(field.name for field in dataclasses.fields(cls))
-        return TypeError(f"{cls.__name__}: {problem} {location[0]!r}; its parameters are {known}")
+        known_names = ", ".join(field.name for field in dataclasses.fields(cls))
+        message = f"{cls.__name__}: {problem} {location[0]!r}; its parameters are {known_names}"
+        return TypeError(message)
     value = arguments.get(path[0])
     for index in path[1:]:
         value = value[index] if isinstance(value, tuple | list) else details["input"]
-    # The parts of a gear train (bodies and meshes) have names, which the message can state.
+    # Parts of a gear train (bodies, meshes) have names, which identify them in the message.
     name = arguments.get("name")
     owner = f"{cls.__name__.lower()} {name}" if isinstance(name, str) else ""
-    allowed = requirement(annotation) + unit_hint(value, annotation)
-    return InputError(dotted(path), value, allowed, owner=owner)
+    allowed = describe_requirement(annotation) + unit_hint(value, annotation)
+    return InputError(format_path(path), value, allowed, owner=owner)
 
 
 def checked(function: Callable) -> Callable:
     """Decorate a function so that arguments with an `Annotated` type are checked and documented.
 
-    Defaults are not checked. Loops may call the undecorated function, `function.__wrapped__`, to
-    save the time of the checks.
+    Defaults are not checked. Loops can call the undecorated `function.__wrapped__` to save the time
+    of the checks.
     """
     parameters = declared_parameters(function)
     positional_names = inspect.getfullargspec(function).args
 
-    def checked_value(name: str, value: Any) -> Any:
-        """Return the value of the argument `name`, converted to its declared type if it has one.
+    def check_argument(name: str, value: Any) -> Any:
+        """Return `value` converted to the declared type of the argument `name`.
 
-        A default is returned without a check.
+        Defaults and arguments without a declared type are returned unchecked.
         """
         parameter = parameters.get(name)
         if parameter is None or value is parameter.default:
@@ -622,16 +627,16 @@ def checked(function: Callable) -> Callable:
 
     @functools.wraps(function)
     def call(*args, **arguments):
-        """Call the function with checked arguments, surplus positional ones unchecked."""
-        checked_args = map(checked_value, positional_names, args)
-        arguments = {name: checked_value(name, value) for name, value in arguments.items()}
+        """Call the function with checked arguments; excess positional arguments are unchecked."""
+        checked_args = map(check_argument, positional_names, args)
+        arguments = {name: check_argument(name, value) for name, value in arguments.items()}
         return function(*checked_args, *args[len(positional_names) :], **arguments)
 
-    return documented(call)
+    return add_parameter_table(call)
 
 
-#: End of a docstring without a section "Raises".
-_RAISES = """
+#: Section appended to docstrings that lack a section "Raises".
+_RAISES_SECTION = """
 
 Raises
 ------
@@ -639,25 +644,29 @@ ValueError
     If a value is impossible; the message names parameter, value and range."""
 
 
-def documented(constructor: Any) -> Any:
-    """Add a table of declared parameters to the docstring of a class or function, and return it.
+def add_parameter_table(constructor: Any) -> Any:
+    """Add a table of declared parameters to the docstring of a class or function and return it.
 
-    A docstring that already has a section "Parameters" stays unchanged. In the signature,
-    annotations are replaced by plain types without bounds and units, which `help` shows.
+    A docstring that already has a section "Parameters" is not changed. In the signature, which
+    `help` shows, annotations are replaced by plain types without bounds and units.
     """
     text, parameters = inspect.getdoc(constructor) or "", declared_parameters(constructor)
-    if "\nParameters\n---" not in text and any(x.text for x in parameters.values()):
+    if "\nParameters\n---" not in text and any(x.raw_description for x in parameters.values()):
         lines = ["", "Parameters", "----------"]
         for name, parameter in parameters.items():
-            default = "" if parameter.default is MISSING else f", default {parameter.default!r}"
-            default = ", optional" if parameter.default is None else default
+            if parameter.default is MISSING:
+                default = ""
+            elif parameter.default is None:
+                default = ", optional"
+            else:
+                default = f", default {parameter.default!r}"
             lines.append(f"{name} : {parameter.allowed}{default}")
             lines.append(textwrap.indent(textwrap.fill(parameter.description, 92), "    "))
-        summary, raises, errors = text.partition("\n\nRaises\n---")
-        constructor.__doc__ = "\n".join([summary, *lines]) + (raises + errors or _RAISES)
+        summary, heading, errors = text.partition("\n\nRaises\n---")
+        constructor.__doc__ = "\n".join([summary, *lines]) + (heading + errors or _RAISES_SECTION)
     signature = inspect.signature(constructor)
     plain_parameters = [
-        x.replace(annotation=_plain(x.annotation)) for x in signature.parameters.values()
+        x.replace(annotation=_strip_metadata(x.annotation)) for x in signature.parameters.values()
     ]
     constructor.__signature__ = signature.replace(parameters=plain_parameters)
     if inspect.isclass(constructor):
@@ -667,44 +676,42 @@ def documented(constructor: Any) -> Any:
     return constructor
 
 
-def _plain(annotation: Any) -> Any:
-    """Return a type, and the type of its items if it is a list or tuple, without metadata.
+def _strip_metadata(annotation: Any) -> Any:
+    """Return the annotation without the metadata of `Annotated` types, also those of list items."""
+    base, item_type = split_annotation(annotation)[0], _item_type(annotation)
+    if item_type is None:
+        return base
+    return get_origin(base)[(_strip_metadata(item_type), *get_args(base)[1:])]
 
-    Metadata are the bounds, units and descriptions of `Annotated` types.
-    """
-    base, item = parts(annotation)[0], _item_of(annotation)
-    return base if item is None else get_origin(base)[(_plain(item), *get_args(base)[1:])]
 
-
-#: Factors to SI of the units of gear geometry, in which numbers are often given by mistake.
+#: Conversion factors to SI for units in which geometry is often given by mistake.
 _GEOMETRY_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 
 
 def unit_hint(value: Any, annotation: Any) -> str:
-    """Return a hint on a wrong value such as "; did you mean 3 mm?", "" if there is none.
+    """Return a hint for an invalid value, such as "; did you mean 3 mm?", or "" if there is none.
 
-    The usual mistake is a length in mm or an angle in degrees where SI units are expected. There is
-    a hint if the number is above its upper bound, but within it when read in the unit of the
-    example in the annotation. For an integer that compiled code cannot store, the hint is the
-    largest integer.
+    A common mistake is a length in mm or an angle in degrees instead of SI units. The hint is given
+    if the number exceeds its upper bound, but would not in the unit of the annotation's example.
+    For an integer that compiled code cannot store, the hint is the largest allowed integer.
     """
-    base, metadata = parts(annotation)
-    is_bounded = any(isinstance(part, Le) for part in metadata)
+    base, metadata = split_annotation(annotation)
+    is_bounded = any(isinstance(x, Le) for x in metadata)
     if base is int and not is_bounded and isinstance(value, Integral) and int(value) > _MAX_INTEGER:
         return f" and <= {_MAX_INTEGER}"
     unit = next((x.example.partition(" ")[2] for x in metadata if isinstance(x, Unit)), "")
     if unit not in _GEOMETRY_UNITS or isinstance(value, bool) or not isinstance(value, Real):
         return ""
     scaled = float(value) * _GEOMETRY_UNITS[unit]
-    for part in metadata:
-        if isinstance(part, Le | Lt):
-            bound: Any = part.le if isinstance(part, Le) else part.lt
+    for entry in metadata:
+        if isinstance(entry, Le | Lt):
+            bound: Any = entry.le if isinstance(entry, Le) else entry.lt
             if scaled <= bound < value:
                 return f"; did you mean {float(value):g} {unit}?"
     return ""
 
 
-# Types of parameters.
+# Annotated types of parameters.
 
 Finite = Annotated[float, Unit("1")]
 Positive = Annotated[float, Gt(0), Unit("1")]
@@ -716,7 +723,7 @@ Fraction = Annotated[float, Ge(0), Le(1), Unit("1")]
 #: Damping ratio of gears that oscillate.
 BelowCritical = Annotated[float, Ge(0), Lt(1), Unit("1")]
 Length = Annotated[float, Gt(0), Unit("m", "100 mm")]
-#: Dimensions of gear geometry; larger numbers must have been meant in another unit.
+#: Dimensions of gears; larger numbers must be in another unit by mistake.
 Module = Annotated[float, Gt(0), Le(0.1), Unit("m", "2.5 mm")]
 Width = Annotated[float, Gt(0), Le(2), Unit("m", "20 mm")]
 Diameter = Annotated[float, Gt(0), Le(20), Unit("m", "100 mm")]
@@ -742,13 +749,13 @@ TwistDamping = Annotated[float, Ge(0), Unit("N m s/rad", "10 N m s/rad")]
 Time = Annotated[float, Ge(0), Unit("s", "1 us")]
 Teeth = Annotated[int, Ge(3), Le(100_000), INTEGER]
 Count = Annotated[int, Ge(1), INTEGER]
-#: Phases of a mesh period of gears given by geometry.
+#: Number of samples of a mesh period, for gears given by geometry.
 Phases = Annotated[int, Ge(8), Le(100_000), INTEGER]
 WholeNumber = Annotated[int, Ge(0), INTEGER]
 Boolean = Annotated[bool, BeforeValidator(_read_boolean)]
 #: Name of a part.
 Text = Annotated[str, MinLen(1)]
-#: Limits of an interval, and numbers of a table.
+#: Limits of an interval, and numbers in a table.
 Limits = Annotated[tuple[Finite, ...], Values(2)]
 Numbers = Annotated[tuple[Finite, ...], Values(), MinLen(1)]
 #: Initial state.
@@ -777,12 +784,12 @@ Backlash = Annotated[
     Unit("m", "40 um", "infinity included"),
     described("Backlash; infinite without a second flank", "s_k"),
 ]
-#: Unknown if None, which is allowed at rest.
+#: None if unknown, which is allowed as long as nothing moves.
 MaterialDamping = Annotated[Damping | None, described("Damping of the material in contact", "k_1")]
 BacklashDamping = Annotated[Damping, described("Damping of the oil in free flight", "k_1m")]
 PressureAngle = Annotated[WorkingAngle, described("Pressure angle in operation")]
 
-# Damping of gears given by geometry; of the first three at most one is given.
+# Damping of gears given by geometry; at most one of the first three is given.
 DampingRatio = Annotated[NonNegative | None, described("Damping ratio in contact, beta")]
 Decrement = Annotated[
     NonNegative | None,
@@ -791,7 +798,7 @@ Decrement = Annotated[
 ContactDamping = Annotated[Damping | None, described("k_1 in contact, in place of damping_ratio")]
 BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in free flight, beta_m")]
 
-#: Method of integration -> its module in `gearlib.integrators`, which is imported when it is used.
+#: Integration method -> its module in `gearlib.integrators`, imported on first use.
 METHOD_MODULES = {
     "exact": "method",
     "taylor": "method",

@@ -1,7 +1,7 @@
-"""Values with units: texts such as ``10 um`` or ``4e5 N/mm``, read as SI numbers.
+"""Quantities with units: strings such as ``10 um`` or ``4e5 N/mm``, converted to SI numbers.
 
-pint is imported only if a text has another unit than the parameter. Numbers are converted as
-decimal fractions, so that ``10 um`` is exactly 1e-5, and results computed with 1e-5 stay valid.
+pint is imported only if the unit of a string differs from the unit of the parameter. Numbers are
+converted as Decimal, so that ``10 um`` is exactly 1e-5, and results computed with 1e-5 stay valid.
 """
 
 import re
@@ -10,44 +10,44 @@ from functools import cache
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 #: A number without a unit.
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+NUMBER_PATTERN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _FACTOR = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?\d)?"
-#: The unit of a speed, revolutions per minute, in its spellings.
+#: Spellings of the unit revolutions per minute.
 _RPM = (
     r"(?:\s*(?:rpm|(?:(?:U|rev|r)\s*)?/\s*min|min(?:(?:\^|\*\*)?-1|⁻¹))|\s+1\s*/\s*min)(?![A-Za-z])"
 )
-#: A number and a product or quotient of units, with powers of one digit.
-TEXT = re.compile(rf"({_NUMBER})((?:{_RPM}|\s*{_FACTOR})(?:\s*[ */·⋅]\s*{_FACTOR})*)")
-#: A speed in rpm. In Hz it would be ambiguous.
-RPM = re.compile(rf"({_NUMBER}){_RPM}")
+#: A number with a product or quotient of units, whose exponents have one digit.
+QUANTITY_PATTERN = re.compile(rf"({_NUMBER})((?:{_RPM}|\s*{_FACTOR})(?:\s*[ */·⋅]\s*{_FACTOR})*)")
+#: A speed in rpm; speeds in Hz are not accepted, because they would be ambiguous.
+RPM_PATTERN = re.compile(rf"({_NUMBER}){_RPM}")
 
 
 @cache
-def _registry():
-    """Return the unit registry of the package pint, which computes with Decimal, not float."""
+def _unit_registry():
+    """Return a unit registry of pint that computes with Decimal instead of float."""
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)
 
 
-def rpm(value):
-    """Return the number in a string such as "1500 rpm" or "1500 1/min", as a Decimal.
+def parse_rpm(value):
+    """Return the number in a string such as "1500 rpm" or "1500 1/min" as a Decimal.
 
-    Return None for other strings and for values of other types.
+    Return None for all other strings and for values of other types.
     """
-    match = RPM.fullmatch(value.strip()) if isinstance(value, str) else None
+    match = RPM_PATTERN.fullmatch(value.strip()) if isinstance(value, str) else None
     return Decimal(match[1]) if match else None
 
 
-def read(text, unit):
-    """Return the value of a string such as "3 kN", converted to `unit` as a float.
+def parse_quantity(text, unit):
+    """Parse a string such as "3 kN" and return its value in `unit` as a float.
 
-    Raise ValueError if the string has no unit, or a unit of another dimension.
+    Raise ValueError if the string has no unit or a unit of another dimension.
     """
-    match = TEXT.fullmatch(text.strip())
+    match = QUANTITY_PATTERN.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"{text!r} is not a number with a unit")
-    # Units are written as pint reads them: "Nm" and "N·m" as "N m", "µm" as "um".
+    # Rewrite the unit for pint: "Nm" and "N·m" become "N m", "µm" becomes "um".
     source_unit = re.sub(f"^{_RPM}", "rpm", re.sub("[µμ]", "u", match[2])).strip()
     source_unit = re.sub(r"\b([umkMG]?N)([mc]?m)\b", r"\1 \2", source_unit)
     source_unit = re.sub(r"\s*(?:[ ·⋅]|(?<!\*)\*(?!\*))\s*", " ", source_unit)
@@ -57,28 +57,28 @@ def read(text, unit):
 
 @cache
 def _conversion_factor(text, source_unit, unit):
-    """Return the factor, computed by pint, that converts values in `source_unit` to `unit`.
+    """Return the factor that converts values in `source_unit` to `unit`.
 
-    Raise ValueError, which quotes the whole string `text` of the user, if the units have different
-    dimensions or different zeros, as degrees Celsius and kelvin have.
+    Raise ValueError if the units have different dimensions or different zero points, such as
+    degrees Celsius and kelvin. The message quotes `text`, the complete input.
     """
-    registry = _registry()
+    registry = _unit_registry()
     if unit == "m/s^2":  # Accelerations are often measured in g, which pint reads as grams.
         source_unit = re.sub(r"\bg\b", "g_n", source_unit)
     try:
-        # pint is given the unit without the number, so that it evaluates no arithmetic of the user.
+        # Only the unit is passed to pint, so that it evaluates no arithmetic in the input.
         quantity = registry.Quantity(Decimal(1), source_unit)
         if registry.Quantity(Decimal(0), source_unit).to_root_units().magnitude:
-            raise ValueError("the unit has another zero, as degC has")
+            raise ValueError("the unit has an offset, such as degC")
         if "rpm" in unit and "radian" not in str(quantity.to_root_units().units):
-            # 1/min and Hz count revolutions of a shaft, for which pint needs the unit "turn".
+            # 1/min and Hz count shaft revolutions, for which pint needs the unit "turn".
             quantity *= registry.Quantity(Decimal(1), "turn")
         return quantity.to(unit).magnitude
-    except Exception as error:  # pint raises its own, tokenize's and Python's errors
+    except Exception as error:  # pint raises errors of its own, of tokenize and of Python.
         raise ValueError(f"{text!r} is not in a unit of the dimension of {unit}") from error
 
 
-#: CF units -> the same units as engineers write them.
+#: Customary spelling of CF units, where it differs.
 WRITTEN_UNITS = {"1": "", "min-1": "rpm"}
 
 

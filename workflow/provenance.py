@@ -42,7 +42,7 @@ def write(results, root):
             "system": platform.platform(),
             "processor": _processor(),
             "cores": os.cpu_count(),
-            "settings": processor.settings(),
+            "settings": processor.environment_variables(),
         },
         "jobs": [_job(path, results / "benchmarks") for path in jobs],
     }

@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from gearlib.config import schema_text
 from gearlib.config.configuration import Config
-from gearlib.parameters import is_union, parts, requirement
+from gearlib.parameters import describe_requirement, is_union, split_annotation
 
 _HEAD = "| key | meaning | allowed | default |\n|---|---|---|---|\n"
 
@@ -31,14 +31,16 @@ def tables():
     tables = [f"## Plain keys\n\n{_HEAD}{plain}"]
     for key, field in fields.items():
         if rows := "".join(_rows(field.annotation)):
-            words = " ".join((field.description or parts(field.annotation)[0].__doc__).split())
+            words = " ".join(
+                (field.description or split_annotation(field.annotation)[0].__doc__).split()
+            )
             tables.append(f"## {key}\n\n{words}\n\n{_HEAD}{rows}")
     return "\n".join(tables)
 
 
 def _below(annotation):
     """Yield (end of the path, section) for the sections in an annotation."""
-    base, _ = parts(annotation)
+    base, _ = split_annotation(annotation)
     if is_union(base):
         yield from ((f"({x.__name__})", x) for x in get_args(base))
     elif get_origin(base) in (list, dict):
@@ -64,6 +66,8 @@ def _row(path, field):
     default = (field.json_schema_extra or {}).get("default", default)
     text = yaml.safe_dump(default, default_flow_style=True, width=999).split("\n")[0]
     shown = "" if default in (None, {}, []) else f"`{text if len(text) <= 60 else text[:57] + '…'}`"
-    allowed = requirement(Annotated[(field.annotation, *field.metadata, field)], in_file=True)
+    allowed = describe_requirement(
+        Annotated[(field.annotation, *field.metadata, field)], in_file=True
+    )
     cells = field.description or "", allowed.replace("|", "&#124;"), shown
     return f"| `{path}` | {' | '.join(cells)} |\n"

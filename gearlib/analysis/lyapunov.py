@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge
 
 from gearlib import checks
-from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_values
+from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, check_distinct_values
 from gearlib.analysis.orbits.tracing import DimensionlessParameter, parameter_cases
 from gearlib.data import status
 from gearlib.data.motions import float_array
@@ -24,7 +24,7 @@ from gearlib.engines.matrices import propagate_perturbation
 from gearlib.integrators import choose_method
 from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.parameters import INTEGER, Count, WholeNumber, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Threads, Tuning
 from gearlib.runs.sweeping import WARM_STARTED
 
@@ -50,23 +50,23 @@ class Exponent(NamedTuple):
 
     value: float  #: NaN if the run failed or the motion grows without bound
     uncertainty: float  #: standard error of the mean over batches
-    growth: float  #: logarithm of the growth over all periods, value times periods
+    log_growth: float  #: logarithm of the growth over all periods, value times periods
     periods: int
     status: int = status.OK  #: `gearlib.data.status`; OVERFLOW: the motion grows without bound
 
     @property
-    def exceeds_linear(self) -> bool:
+    def grows_faster_than_linearly(self) -> bool:
         """Whether perturbations have grown faster than linearly in the number of mesh periods.
 
-        In quasi-periodic motions they grow linearly, and the exponent is zero. `growth` is the
+        In quasi-periodic motions they grow linearly, and the exponent is zero. `log_growth` is the
         logarithm of the total growth; it must exceed ln(periods) by more than a margin of 7.
         """
-        return self.growth > math.log(self.periods) + _MIN_EXCESS_LOG_GROWTH
+        return self.log_growth > math.log(self.periods) + _MIN_EXCESS_LOG_GROWTH
 
     @property
     def positive(self) -> bool:
         """Whether perturbations grow exponentially and the exponent is significantly > 0."""
-        return self.exceeds_linear and self.value > _MIN_SIGNIFICANCE * self.uncertainty
+        return self.grows_faster_than_linearly and self.value > _MIN_SIGNIFICANCE * self.uncertainty
 
 
 class Perturbation:
@@ -88,7 +88,7 @@ class Perturbation:
         """Propagate the perturbation along a motion over a number of mesh periods.
 
         `propagator` is a `Model.propagator`, which integrates the equations of motion at one tuning
-        (mesh frequency over natural frequency). `state` is the initial state with all coordinates
+        (mesh frequency / natural frequency). `state` is the initial state with all coordinates
         and velocities, and `first_period` the number of the first mesh period, which sets the phase
         of a run-out. Return (final state, logarithm of the growth in each mesh period, status
         code). After the perturbation has vanished or the run has failed, the logarithms are -inf
@@ -116,10 +116,10 @@ class Perturbation:
         self.vector = vector
         return state, log_growths, status.OK
 
-    def exceeds_limit(self, tuning: float, state: Any, periods: int, first_period: int) -> bool:
+    def becomes_visible(self, tuning: float, state: Any, periods: int, first_period: int) -> bool:
         """Propagate the perturbation along the next run, and return whether it becomes visible.
 
-        The run is made at a `tuning` (mesh frequency over natural frequency), from `state` at the
+        The run is made at a `tuning` (mesh frequency / natural frequency), from `state` at the
         start of mesh period number `first_period`, over `periods` mesh periods. The perturbation is
         visible if it is more than exp(`MAX_LOG_GROWTH`) = 1e10 times a rounding error, or if the
         run fails. Its length, limited to this range, is the initial length in the following run.
@@ -142,30 +142,30 @@ def largest_exponent(
 ) -> Exponent:
     """Compute the largest Lyapunov exponent, per mesh period, of a motion of a model.
 
-    `tuning` is the mesh frequency over the natural frequency, and `state` the initial (displacement
-    in static deflections, velocity by phase) at mesh phase 0. The exponent is averaged over
-    `periods` mesh periods after a transient of `settle` mesh periods. The run fails if a mesh
-    period has more than `max_events` contact events. The value is NaN if the run fails or the
-    motion grows without bound, and -inf if the perturbation vanishes.
+    `tuning` is the ratio of mesh frequency to natural frequency, and `state` the initial
+    (displacement in static deflections, velocity by phase) at mesh phase 0. The exponent is
+    averaged over `periods` mesh periods after a transient of `settle` mesh periods. The run fails
+    if a mesh period has more than `max_events` contact events. The value is NaN if the run fails or
+    the motion grows without bound, and -inf if the perturbation vanishes.
     """
     stroboscope = Stroboscope(model, tuning, max_events=max_events)
     propagator = stroboscope.propagator
     perturbation = Perturbation(model, max_events)
     state = propagator.initial_state(state)
     # Motions larger than this, relative to the backlash or the initial state, are unbounded.
-    bound = UNBOUNDED_FACTOR * np.maximum(model.extent, stroboscope.size(state[None]))
+    bound = UNBOUNDED_FACTOR * np.maximum(model.extent, stroboscope.state_sizes(state[None]))
     # During the transient any perturbation turns into the direction of fastest growth.
     # Each stage has a first mesh period and a number of mesh periods.
     stages = ((0, settle), (settle, periods)) if settle else ((0, periods),)
     for first_period, count in stages:
-        previous_size = stroboscope.size(state[None])
+        previous_size = stroboscope.state_sizes(state[None])
         state, log_growths, code = perturbation.propagate(propagator, state, count, first_period)
         if code != status.OK:
             return Exponent(math.nan, math.nan, math.nan, periods, code)
         if perturbation.vector is None:
             # Strong damping has reduced the perturbation to zero.
             return Exponent(-math.inf, 0.0, -math.inf, periods)
-    if stroboscope.follow_growth(state[None], previous_size, bound, periods)[0].any():
+    if stroboscope.propagate_growing_motions(state[None], previous_size, bound, periods)[0].any():
         return Exponent(math.nan, math.nan, math.nan, periods, status.OVERFLOW)
     # Successive periods are correlated, so the standard error is that of the means of batches.
     batches = np.array_split(log_growths, min(BATCHES, periods))
@@ -175,12 +175,12 @@ def largest_exponent(
     return Exponent(float(log_growths.mean()), error, float(log_growths.sum()), periods)
 
 
-def rounding_grows(
+def are_sensitive_to_rounding(
     model, tunings, initial_state: tuple, periods: int, final_states=None
 ) -> np.ndarray:
     """Return a mask of the tunings, shape (n,), at which rounding errors grow to a visible size.
 
-    Tunings are mesh frequencies over the natural frequency, in the order of the runs of a sweep.
+    Tunings are ratios of mesh frequency to natural frequency, in the order of the runs of a sweep.
     Each run has `periods` mesh periods. Without `final_states` all runs start from `initial_state`.
     In a warm-started sweep each run starts from the final state of the previous one, or from
     `initial_state` if that run failed; `final_states`, shape (n, components), are then these final
@@ -196,7 +196,7 @@ def rounding_grows(
             # A new motion starts here; otherwise the perturbation of the previous run continues.
             state = tuple(initial_state)
             perturbation = Perturbation(model)
-        is_sensitive[i] = perturbation.exceeds_limit(float(tuning), state, periods, first_period)
+        is_sensitive[i] = perturbation.becomes_visible(float(tuning), state, periods, first_period)
     return is_sensitive
 
 
@@ -205,8 +205,8 @@ def reproducible_orbits(
 ) -> np.ndarray:
     """Return a mask, shape (diagram, tuning), of periodic motions independent of rounding errors.
 
-    `diagrams` are results of `gearlib.bifurcation_diagram` at the same tunings (mesh frequencies
-    over the natural frequency). Each has an entry in `directions` ("cold": all runs from the
+    `diagrams` are results of `gearlib.bifurcation_diagram` at the same tunings (ratios of mesh
+    frequency to natural frequency). Each has an entry in `directions` ("cold": all runs from the
     initial state; "up" or "down": each from the final state of the previous run) and in
     `initial_states`. After a warm-started sweep has passed through chaos, its orbit depends on
     rounding errors, until it reaches a tuning at which all cold runs are reproducible and settle on
@@ -224,7 +224,7 @@ def reproducible_orbits(
         # The coordinate `strobe` numbers the mesh periods of a run from 0, with the transient.
         run_periods = int(diagram.strobe.values[-1]) + 1
         tunings = diagram.tuning.values[order]
-        is_sensitive[k, order] = rounding_grows(
+        is_sensitive[k, order] = are_sensitive_to_rounding(
             model, tunings, initial_states[k], run_periods, final_states
         )
     is_reproducible = (periods > 0) & ~is_sensitive
@@ -276,9 +276,10 @@ def lyapunov_exponents(
     settle, periods : int
         Mesh periods of the transient, and of the average (at least 20).
     threads : int, optional
-        Number of threads; by default one for each processor. The result does not depend on it.
+        Number of threads; by default one per processor. The result does not depend on it.
     max_seconds : float, optional
-        Seconds after which the call returns what is done, see `gearlib.progress`.
+        Time limit in seconds, after which the results computed so far are returned; see
+        `gearlib.progress`.
 
     Returns
     -------
@@ -290,12 +291,12 @@ def lyapunov_exponents(
     Raises
     ------
     ValueError
-        If an argument is wrong; the message gives its name, its value and the allowed range.
+        If an argument is invalid; the message states its name, its value and what is allowed.
     """
     choose_method(model, None, None)
-    values = distinct_values("values", values)
+    values = check_distinct_values("values", values)
     cases = parameter_cases(model, tuning, parameter, values)
-    limit = Limit(max_seconds)
+    limit = TimeLimit(max_seconds)
     if isinstance(states, str):
         model.check_state(states)
         states = cases[0][0].start_state(states)
@@ -318,14 +319,14 @@ def lyapunov_exponents(
             return np.nan, np.nan, -1
         if not np.isfinite(initial_states[i]).all():
             return np.nan, np.nan, status.NO_START
-        settings = {"settle": settle, "periods": periods, "max_events": max_events}
+        exponent_options = {"settle": settle, "periods": periods, "max_events": max_events}
         state = tuple(initial_states[i])
-        exponent = largest_exponent(case_model, case_tuning, state=state, **settings)
+        exponent = largest_exponent(case_model, case_tuning, state=state, **exponent_options)
         return exponent.value, exponent.uncertainty, exponent.status
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         rows = pool.map(exponent_row, range(values.size))
-        table = np.array(list(with_bar("values", rows, values.size)))
+        table = np.array(list(with_progress_bar("values", rows, values.size)))
     data = {
         "exponent": (parameter, table[:, 0]),
         "uncertainty": (parameter, table[:, 1]),
@@ -334,4 +335,4 @@ def lyapunov_exponents(
     attributes = {"parameter": parameter, "tuning": tuning, "settle": settle, "periods": periods}
     title, coords = "Largest Lyapunov exponents of a gear mesh", {parameter: values}
     dataset = result(title, model, data, coords, method="variational maps", **attributes)
-    return limit.mark(dataset, **{parameter: table[:, 2] >= 0})
+    return limit.record_missing(dataset, **{parameter: table[:, 2] >= 0})

@@ -15,7 +15,7 @@ from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
 from gearlib.parameters import Finite, check, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MaxSeconds
 
 #: Ratio of successive steps of the difference quotients.
@@ -32,7 +32,7 @@ ROUNDING_TOLERANCE = 1e-13
 MAX_ERROR = 1e-6
 
 
-def richardson(function: Callable, value: float, scale: float) -> tuple:
+def richardson_derivative(function: Callable, value: float, scale: float) -> tuple:
     """Differentiate an array-valued function by Richardson extrapolation.
 
     Return (derivative, error estimate) at a parameter `value`, arrays of the shape of the result of
@@ -120,7 +120,8 @@ def sensitivities(
         Names of parameters in ``model.settable``, or of numbers among the `arguments`, such as
         tuning or speed.
     max_seconds : float, optional
-        Seconds after which the call returns what is done, see `gearlib.progress`.
+        Time limit in seconds, after which the results computed so far are returned; see
+        `gearlib.progress`.
     **arguments
         Keyword arguments of `call`.
 
@@ -134,7 +135,7 @@ def sensitivities(
     Raises
     ------
     ValueError
-        If an argument is wrong; the message gives its name, its value and the allowed range.
+        If an argument is invalid; the message states its name, its value and what is allowed.
     """
     checks.require(callable(call), "call", call, "a function of a model")
     checks.require(is_model(model), "model", model, "a model such as GearPair")
@@ -147,16 +148,16 @@ def sensitivities(
         units, long_name = DESCRIPTIONS.get(name, ("1", name))
         descriptions[name] = units, model.long_names.get(name, long_name)
     data: dict = {}
-    limit = Limit(max_seconds)
+    limit = TimeLimit(max_seconds)
     remaining = list(names)
-    for name in limit.each(with_bar("parameters", names, len(names))):
+    for name in limit.iterate(with_progress_bar("parameters", names, len(names))):
         remaining.remove(name)
         parameter_units, parameter = descriptions[
             checks.check_choice("parameters", name, descriptions)
         ]
         value = arguments[name] if name in arguments else model.value(name)
         check(name, value, Finite)
-        run = _run_function(call, model, name, arguments)
+        run = _cached_call(call, model, name, arguments)
         is_dimensionless = parameter_units == "1"
         # A parameter that is 0 has no scale of its own.
         scale = abs(value)
@@ -167,16 +168,16 @@ def sensitivities(
             title = f"derivative of the {long_name} by {parameter}"
             divisor = "" if is_dimensionless else f"/({parameter_units})"
             units = array.attrs.get("units", "1") + divisor
-            derivative, error = _derivative(run, variable, title, value, scale)
+            derivative, error = _differentiate_variable(run, variable, title, value, scale)
             label = f"d_{variable}_d_{name}"
             data[label] = array.copy(data=derivative).assign_attrs(units=units, long_name=title)
             data[f"{label}_error"] = array.copy(data=error).assign_attrs(
                 units=units, long_name=f"error of the {title}"
             )
-    return limit.mark(xr.Dataset(data), remaining)
+    return limit.record_missing(xr.Dataset(data), remaining)
 
 
-def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
+def _cached_call(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
     """Return a cached function of one parameter value, which evaluates `call` with this value.
 
     `call(model, **arguments)` is the function of the user. The parameter `name` is one of its
@@ -209,7 +210,9 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
     return run
 
 
-def _derivative(run: Callable, variable: Any, title: str, value: float, scale: float) -> tuple:
+def _differentiate_variable(
+    run: Callable, variable: Any, title: str, value: float, scale: float
+) -> tuple:
     """Return (derivative, error estimate) of a result at a parameter value; warn if unreliable.
 
     `run` is a function of the parameter value that returns ({variable name: DataArray}, contact
@@ -233,13 +236,13 @@ def _derivative(run: Callable, variable: Any, title: str, value: float, scale: f
             return None
         return array if array.shape == shape else None
 
-    derivative, error = richardson(array_at, value, scale)
+    derivative, error = richardson_derivative(array_at, value, scale)
     # The error is NaN if too few steps are left. Differences across a change of contact events are
     # better than none.
     if np.isnan(error).any():
         message = f"contact events appear or vanish for all step sizes: {title}"
         warnings.warn(message, stacklevel=3)
-        derivative, error = richardson(
+        derivative, error = richardson_derivative(
             lambda parameter: array_at(parameter, same_contacts=False), value, scale
         )
     if not error.max(initial=0.0) <= MAX_ERROR * np.abs(derivative).max(initial=0.0):

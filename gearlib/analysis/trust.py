@@ -35,7 +35,7 @@ from gearlib.data.result import result, stacked
 from gearlib.engines import orbit
 from gearlib.models.profiles import Fourier
 from gearlib.parameters import Count, Positive, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MaxSeconds, Tuning
 from gearlib.runs.simulation import run
 
@@ -46,7 +46,7 @@ MIN_DIGITS = 4
 #: Largest number of digits in a scan: more would depend on rounding errors.
 _MAX_DIGITS = 10.0
 #: Perturbations decay if the logarithm of their total growth is below this.
-_MAX_LOG_DECAY = -3.0
+_DECAY_THRESHOLD = -3.0
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def trust(
     model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         The model whose motion is classified.
     tuning : float
-        Mesh frequency over mean eigenfrequency, nu.
+        Ratio of mesh frequency to mean eigenfrequency, nu.
     periods, record_periods : int
         Mesh periods of a run, and of the record at its end; the longer run has four times as many
         mesh periods. With run-out, at least one period of the run-out is recorded, and `periods`
@@ -104,7 +104,7 @@ def trust(
     Raises
     ------
     ValueError
-        If an argument is wrong; the message gives its name, its value and the allowed range.
+        If an argument is invalid; the message states its name, its value and what is allowed.
     """
     integrators.choose_method(model, None, None)
     allowed = f"an integer from 1 to {periods}"
@@ -113,15 +113,17 @@ def trust(
     arguments = {"periods": periods, "record_periods": record_periods}
     arguments |= {"initial_state": initial_state, "samples_per_period": 1}
     initial_state = model.check_state(initial_state)
-    limit = Limit(max_seconds)
+    limit = TimeLimit(max_seconds)
     names, methods, runs = [], [], []
     cases = [  # (name, model, changed arguments) of each run
         ("as asked", model, {}),
         ("longer", model, {"periods": 4 * periods}),
         ("disturbed", model, {"initial_state": model.disturbed_state(initial_state, disturbance)}),
-        *_other_methods(model),
+        *_comparison_cases(model),
     ]
-    for name, case_model, changed_arguments in limit.each(with_bar("runs", cases, len(cases))):
+    for name, case_model, changed_arguments in limit.iterate(
+        with_progress_bar("runs", cases, len(cases))
+    ):
         names.append(name)
         method, *_ = integrators.choose_method(case_model, changed_arguments.get("method"), None)
         methods.append(method)
@@ -141,20 +143,23 @@ def trust(
         "period": ("run", [run.period for run in runs]),
         "status": ("run", [run.status for run in runs]),
     }
-    settings = {"tuning": tuning, "periods": periods, "disturbance": disturbance}
-    settings |= {"method": ", ".join(dict.fromkeys(methods)), "exponent_periods": exponent_periods}
-    table = result("Runs of one point in several ways", model, data, {"run": names}, **settings)
-    table = limit.mark(table, missing)
+    attributes = {"tuning": tuning, "periods": periods, "disturbance": disturbance}
+    attributes |= {
+        "method": ", ".join(dict.fromkeys(methods)),
+        "exponent_periods": exponent_periods,
+    }
+    table = result("Runs of one point in several ways", model, data, {"run": names}, **attributes)
+    table = limit.record_missing(table, missing)
     if missing:
         message = f"the time of max_seconds ended before: {', '.join(missing)}"
         return Trust("undecided", message, 0, math.nan, math.nan, math.nan, table)
-    return classified_motion(table, exponent, model.repeats)
+    return classify_motion(table, exponent, model.repeats)
 
 
 def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
     """Classify the motion of a model by `trust` at each tuning; return a dataset along ``tuning``.
 
-    Tunings are mesh frequencies over the natural frequency. `options` are keyword arguments of
+    Tunings are ratios of mesh frequency to natural frequency. `options` are keyword arguments of
     `trust`, such as `periods`. The variable label is the index of the label in `LABELS` ("periodic"
     = 0, "quasi-periodic", "chaotic", "undecided", "unbounded"), with CF flags. The others are
     period, digits, exponent and uncertainty, as in the result of `trust`.
@@ -179,7 +184,7 @@ def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
     return dataset
 
 
-def _other_methods(model: Any) -> Iterator[tuple]:
+def _comparison_cases(model: Any) -> Iterator[tuple]:
     """Yield (name, model, changed arguments of `run`) of each run for comparison by another method.
 
     A run uses the second of the automatic integration methods, if two of them support the model; a
@@ -197,22 +202,22 @@ def _other_methods(model: Any) -> Iterator[tuple]:
         yield f"{2 * profile.harmonics} harmonics", finer, {}
 
 
-def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
+def classify_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
     """Classify a motion from several runs and its largest Lyapunov exponent.
 
     `runs` is a dataset along ``run`` with displacement_max, displacement_min, period (0 if the run
     does not repeat) and status of each run, and `repeats` is the period of the excitation in mesh
     periods.
     """
-    label, message = _label_and_message(runs, exponent, repeats)
+    label, message = _choose_label(runs, exponent, repeats)
     period, digits = 0, math.nan
     if label == "periodic":
-        period, digits = int(runs.period.max()), _common_digits(runs)
+        period, digits = int(runs.period.max()), _count_agreeing_digits(runs)
     value, uncertainty, *_ = exponent
     return Trust(label, message, period, digits, exponent=value, uncertainty=uncertainty, runs=runs)
 
 
-def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
+def _choose_label(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
     """Return (label, message) of a motion by the first rule that applies.
 
     `runs` is a dataset along ``run`` with displacement extrema, period and status code of each run,
@@ -220,8 +225,8 @@ def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: i
     undecided if runs disagree about this or have failed, chaotic if perturbations grow, periodic if
     they decay and the runs agree, quasi-periodic if no run repeats.
     """
-    names, codes = runs.run.values, runs.status.values
-    overflowed = codes == status.OVERFLOW
+    names, status_codes = runs.run.values, runs.status.values
+    overflowed = status_codes == status.OVERFLOW
     diverges = exponent.status == status.OVERFLOW
     periods = set(runs.period.values.tolist())  # 0 for a run that does not repeat
     if (diverges or overflowed.all()) and periods == {0}:
@@ -231,21 +236,21 @@ def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: i
     if diverges or overflowed.any():
         unbounded = ", ".join(names[overflowed]) or variational
         return "undecided", f"some runs grow without bound, others do not: {unbounded}"
-    failed = codes != status.OK
+    failed = status_codes != status.OK
     if failed.any() or math.isnan(exponent.value):
         return "undecided", f"failed runs: {', '.join(names[failed]) or variational}"
     if exponent.positive:
         length = f"{1.0 / exponent.value:.3g} mesh periods"
         return "chaotic", f"perturbations grow by a factor e every {length}"
-    if exponent.growth < _MAX_LOG_DECAY:
-        return _label_of_stable_motion(runs, periods, repeats)
+    if exponent.log_growth < _DECAY_THRESHOLD:
+        return _label_stable_motion(runs, periods, repeats)
     neither = "perturbations neither grow nor decay"
     if periods == {0}:
         return "quasi-periodic", f"no run repeats; {neither} exponentially"
     return "undecided", f"{neither}, yet some run repeats: run more periods"
 
 
-def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
+def _label_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
     """Return (label, message) of a motion whose perturbations decay: "periodic" or "undecided".
 
     `runs` is a dataset along ``run`` with displacement extrema and period of each run. `periods`
@@ -260,7 +265,7 @@ def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tup
         if repeats > 1:
             message += f", and beyond that two repeats of the run-out, of {repeats} periods each"
         return "undecided", message
-    digits = _common_digits(runs)
+    digits = _count_agreeing_digits(runs)
     if digits < MIN_DIGITS:
         reason = "more than one orbit attracts, or its period is more than record_periods"
         agreement = f"their extrema agree in {max(digits, 0.0):.1f} digits only"
@@ -268,7 +273,7 @@ def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tup
     return "periodic", f"all runs agree in {digits:.1f} digits"
 
 
-def _common_digits(runs: xr.Dataset) -> float:
+def _count_agreeing_digits(runs: xr.Dataset) -> float:
     """Return the number of decimal digits in which the displacement extrema of all runs agree.
 
     `runs` is a dataset along ``run`` with displacement_max and displacement_min. The number is

@@ -1,6 +1,6 @@
-"""Reading of YAML files, and sentences about wrong values in them: key, value, allowed values.
+"""Read YAML files and write error messages with the key, its value and the allowed values.
 
-Keys that a mapping repeats are reported, because YAML silently keeps the last one.
+Duplicate keys are reported as errors, because PyYAML silently keeps only the last one.
 """
 
 import difflib
@@ -13,46 +13,46 @@ from pydantic import BaseModel, ValidationError
 from gearlib import parameters
 from gearlib.checks import InputError, describe_violation
 
-#: Largest numbers of characters of a value, and of sections in a message.
+#: Largest number of characters of a value, and of sections, in a message.
 _MAX_CHARACTERS, _MAX_SECTIONS = 60, 3
 
 
 def error_messages(error: ValidationError, root: type, content: Any) -> list[str]:
-    """Return a sentence for each problem that pydantic found in the content of a YAML file.
+    """Return one error message for each problem that pydantic found in a YAML file.
 
-    `error` has the problems, and `root` is the section class of the whole `content`.
+    `content` is the content of the file, and `root` the section class that was validated.
     """
     return [_error_message(details, root, content) for details in error.errors(include_url=False)]
 
 
 def _error_message(details: Any, root: type, content: Any) -> str:
-    """Return a sentence about one problem that pydantic found: key, value, allowed values.
+    """Return the message for one problem that pydantic found: key, value, allowed values.
 
-    `details` is an entry of `ValidationError.errors`, a dict with the place ("loc") and the kind
-    ("type") of the problem. `root` is the section class of the whole `content` of the YAML file.
+    `details` is an entry of `ValidationError.errors`, a dict with the location ("loc") and the type
+    of the problem. `root` is the section class of the whole `content` of the YAML file.
     """
-    location, kind = details["loc"], details["type"]
+    location, error_type = details["loc"], details["type"]
     cause = details.get("ctx", {}).get("error")
-    # Pydantic marks an error of the key itself, not of its value, by a last "[key]".
+    # Pydantic appends "[key]" to the location if the key is invalid, not its value.
     names = tuple(name for name in location if name != "[key]")
     path, annotation = parameters.resolve_location(root, names)
-    if location[-1:] == ("[key]",) or kind == "invalid_key":
+    if location[-1:] == ("[key]",) or error_type == "invalid_key":
         mapping = parameters.resolve_location(root, names[:-1])[1]
         return _invalid_name_message(mapping, (*names[:-1], details["input"]), cause)
-    if kind == "extra_forbidden":  # pydantic's name for an unknown key
+    if error_type == "extra_forbidden":  # pydantic's name for an unknown key
         return unknown_key_message(root, annotation, (*path, names[-1]), details["input"])
-    if kind.startswith("union_tag"):  # the key that chooses among several sections
+    if error_type.startswith("union_tag"):  # the key `kind` that selects one of several sections
         sections = get_args(parameters.split_annotation(annotation)[0])
         path, annotation = (*path, "kind"), parameters.kind_literal(sections)
-        kind = kind.replace("union_tag_not_found", "missing")
+        error_type = error_type.replace("union_tag_not_found", "missing")
     key = parameters.format_path(path)
     if isinstance(cause, InputError):
         return input_error_message(cause, key, content)
     if cause is not None and str(cause):
         return f"{key}: {cause}" if key else str(cause)
-    # Other problems are described by the allowed values of the type.
+    # For all other problems, the message states the allowed values of the type.
     allowed = parameters.describe_requirement(annotation, in_file=True)
-    if kind == "missing":
+    if error_type == "missing":
         return f"{key} is missing: it must be {allowed}"
     value = _get_nested(content, path, details["input"])
     problem = describe_violation(format_value(value), allowed + _suggest_value(value, annotation))
@@ -60,11 +60,10 @@ def _error_message(details: Any, root: type, content: Any) -> str:
 
 
 def input_error_message(error: InputError, section: str, content: Any) -> str:
-    """Return the sentence about an error in a section of a file, such as "gears.wheel".
+    """Return the message of an `InputError` raised by a section such as "gears.wheel".
 
-    The path in the error is relative to the `section`. The sentence quotes the value as the
-    `content` of the file has it. A value that is not in the file was computed, and is rounded to
-    six digits.
+    The path in `error` is relative to `section`. The message quotes the value from `content`, the
+    content of the file. Computed values, which are not in the file, are rounded to six digits.
     """
     separator = "." if section and error.path and not error.path.startswith("[") else ""
     path = f"{section}{separator}{error.path}"
@@ -80,9 +79,9 @@ def input_error_message(error: InputError, section: str, content: Any) -> str:
 
 
 def _get_nested(content: Any, path: Any, default: Any) -> Any:
-    """Return the value at a path of names and indices in nested dicts and lists.
+    """Return the value at a path of keys and indices in nested dicts and lists.
 
-    If the content has no such path, return `default`.
+    If the path does not exist in `content`, return `default`.
     """
     for name in path:
         if isinstance(content, list | tuple) and str(name).isdigit() and int(name) < len(content):
@@ -95,10 +94,10 @@ def _get_nested(content: Any, path: Any, default: Any) -> Any:
 
 
 def _suggest_value(value: Any, annotation: Any) -> str:
-    """Return a hint for a wrong value, such as "; did you mean 3 mm?", or "" if there is none.
+    """Return a suggestion for an invalid value, e.g. "; did you mean 3 mm?", or "".
 
-    `annotation` is the type of the value. The hint is the most similar of its choices, if it has
-    any, or the value with a suitable unit.
+    The suggestion is the most similar choice of the type `annotation`, or the value with a suitable
+    unit.
     """
     choices = [str(choice) for choice in get_args(parameters.split_annotation(annotation)[0])]
     similar = difflib.get_close_matches(str(value), choices, 1)
@@ -106,15 +105,15 @@ def _suggest_value(value: Any, annotation: Any) -> str:
 
 
 def _invalid_name_message(mapping: Any, path: tuple, cause: Any) -> str:
-    """Return the sentence about a name that is not allowed in a mapping, such as "4".
+    """Return the message for an invalid name in a mapping whose keys are user-defined names.
 
     The name is the last entry of `path`. `mapping` is the type of the mapping, and `cause` the
-    exception that the check of the name has raised, or None.
+    exception raised when the name was checked, or None.
     """
     if not isinstance(path[-1], str):
-        # YAML reads the keys ``4:``, ``on:`` and ``null:`` as a number, a boolean and null.
+        # YAML parses the keys ``4:``, ``on:`` and ``null:`` as a number, a boolean and null.
         path = (*path[:-1], format_value(path[-1]))
-        allowed = "a text; put it in quotes"
+        allowed = "a string; put it in quotes"
     elif isinstance(cause, InputError):
         allowed = cause.requirement
     else:
@@ -125,11 +124,11 @@ def _invalid_name_message(mapping: Any, path: tuple, cause: Any) -> str:
 
 
 def unknown_key_message(root: type, section: Any, path: tuple, value: Any) -> str:
-    """Return the sentence about an unknown key, with advice on the key that may be meant.
+    """Return the message for an unknown key, with advice on the key that may be meant.
 
-    The key is the last entry of `path` and has the value `value`; `section` is the type of its
-    section, `root` the class of the whole configuration. The advice is a similar key of the
-    section, or other sections with such a key, or a list of the keys of the section.
+    The key is the last entry of `path`; its value is `value`. `section` is the type of its section
+    and `root` the class of the whole configuration. The advice is a similar key of the section,
+    other sections that have this key, or a list of the keys of the section.
     """
     fields, key = parameters.split_annotation(section)[0].__pydantic_fields__, str(path[-1])
     similar_names = difflib.get_close_matches(key, fields, 1)
@@ -145,10 +144,10 @@ def unknown_key_message(root: type, section: Any, path: tuple, value: Any) -> st
 
 
 def _find_sections(key: str, annotation: Any, section: str = "") -> Iterator[str]:
-    """Yield the names of the sections that have `key`, searching nested sections, too.
+    """Yield the paths of all sections that have the key `key`, e.g. "scenes.<name>.cases[i]".
 
-    The search starts at the type `annotation` of the section with the name `section`, "" for the
-    whole configuration. In the names "<name>" stands for any name and "[i]" for any index.
+    The recursive search starts at the section with the path `section` ("" for the whole
+    configuration) and the type `annotation`.
     """
     base, _ = parameters.split_annotation(annotation)
     if isinstance(base, type) and issubclass(base, BaseModel):
@@ -163,7 +162,7 @@ def _find_sections(key: str, annotation: Any, section: str = "") -> Iterator[str
 
 
 def format_value(value: Any) -> str:
-    """Return a value as text in the style of YAML, shortened to `_MAX_CHARACTERS`."""
+    """Format a value in the style of YAML, truncated to `_MAX_CHARACTERS` characters."""
     if value is None:
         return "null (empty)"
     text = str(value).lower() if isinstance(value, bool) else repr(value)
@@ -171,59 +170,60 @@ def format_value(value: Any) -> str:
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-    """Loader of plain YAML that collects the keys that a mapping repeats."""
+    """Safe YAML loader that records duplicate keys."""
 
-    repetitions: list[str]  #: such as "teeth is given twice, again in line 4"
+    duplicates: list[str]  #: messages such as "the key teeth is given again in line 4"
 
     def construct_mapping(self, node, deep=False):
-        """Return the dict of a YAML mapping, and note the keys that it repeats.
+        """Return a YAML mapping as a dict, and record its duplicate keys.
 
-        PyYAML itself keeps the last value of such a key without an error. `node` and `deep` are the
-        arguments of its method of this name.
+        The method overrides a method of PyYAML, which keeps the last value of a duplicate key
+        without an error.
         """
-        # Keys that are lists or mappings are skipped; the validation refuses them later.
+        # Keys that are lists or mappings are skipped; the validation rejects them later.
         keys = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         for i, key in enumerate(keys):
             if any(key.value == earlier.value for earlier in keys[:i]):
                 line = key.start_mark.line + 1
-                self.repetitions.append(f"{key.value} is given twice, again in line {line}")
+                self.duplicates.append(f"the key {key.value} is given again in line {line}")
         return super().construct_mapping(node, deep)
 
 
 def read_yaml(path):
-    """Return the dict in a YAML file, and a list with an error message for each repeated key.
+    """Return the content of a YAML file as a dict, and a list of errors about duplicate keys.
 
-    Raise ValueError, which names file and line, if the file cannot be read or contains no mapping.
+    Raise ValueError if the file cannot be read or does not contain a mapping; the message states
+    the file name and the line.
     """
     try:
         with open(path, encoding="utf-8") as file:
             loader = _Loader(file.read())
-        loader.repetitions = []
+        loader.duplicates = []
         content = loader.get_single_data()
     except OSError as error:
         raise ValueError(f"{path} cannot be read: {error.strerror}") from None
     except (UnicodeDecodeError, yaml.reader.ReaderError):
-        raise ValueError(f"{path} is not YAML but binary: it must be a text in UTF-8") from None
+        raise ValueError(f"{path} is not YAML: it must be a text file in UTF-8") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not YAML{_format_yaml_error(error)}") from None
     if content is None:
         raise ValueError(f"{path} is empty: it must be a mapping of keys to values")
     if not isinstance(content, dict):
-        allowed = "a mapping, each line a key, a colon and its value"
+        allowed = "a mapping with a key, a colon and a value in each line"
         raise ValueError(f"{path}: {format_value(content)} is not allowed: it must be {allowed}")
-    errors = [f"{path}: the key {text}: it must be given once" for text in loader.repetitions]
+    errors = [f"{path}: {message}, but must be given once" for message in loader.duplicates]
     return content, errors
 
 
 def _format_yaml_error(error):
-    """Return the position and the message of an error of the YAML parser as text.
+    """Format the position and the message of an error of the YAML parser.
 
-    The text starts with line and column, if they are known, and may end with a hint.
+    The text starts with the line and column, if they are known, and may end with a hint.
     """
     mark = getattr(error, "problem_mark", None)
     position = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
     messages = [getattr(error, "context", None), getattr(error, "problem", None)]
     text = ", ".join(filter(None, messages)) or " ".join(str(error).split())
     is_about_colons = "mapping values" in text or "':'" in text
-    hint = "; a line without a colon, or with a wrong indentation?" if is_about_colons else ""
+    hint = "; is a colon missing, or the indentation wrong?" if is_about_colons else ""
     return f"{position}: {text}{hint}"

@@ -62,7 +62,7 @@ class Component(NamedTuple):
             elif unit == spelling:
                 number = float(text)
             else:
-                number = units.read(f"{text} {spelling}", unit)
+                number = units.parse_quantity(f"{text} {spelling}", unit)
         except ValueError:
             number = math.nan  # raises the error below
         if not math.isfinite(number):

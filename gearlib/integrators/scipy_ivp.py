@@ -13,9 +13,9 @@ import numpy as np
 from gearlib.data import status
 from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, option
 from gearlib.integrators.right_hand_sides import right_hand_side
-from gearlib.integrators.run import MESH_PERIOD, Run, code_of_stall, within_range
-from gearlib.integrators.split import Arc, Branch, FlankCrossing, Split, Stall
-from gearlib.parameters import CHOICE, Boolean, requirement
+from gearlib.integrators.run import MESH_PERIOD, Run, failure_status, is_state_in_range
+from gearlib.integrators.split import Arc, Branch, FlankCrossing, SolverFailure, SplitRun
+from gearlib.parameters import CHOICE, Boolean, describe_requirement
 
 Solver = Annotated[Literal["RK45", "DOP853", "Radau", "LSODA"], CHOICE]
 #: Number of steps that are taken before they are recorded together.
@@ -28,7 +28,7 @@ class Scipy(Integrator):
     EVENTS = "none; with events = True switches end an arc and contact is a terminal event"
     MODELS = "one or six degrees of freedom, gear trains; no pairs of teeth"
     OPTIONS = {
-        "solver": option("RK45", Solver, requirement(Solver)),
+        "solver": option("RK45", Solver, describe_requirement(Solver)),
         "rtol": RELATIVE_TOLERANCE,
         "atol": ABSOLUTE_TOLERANCE,
         "events": option(
@@ -48,11 +48,11 @@ class Scipy(Integrator):
         `solver` names a solver of scipy; `rtol` and `atol` are its relative and absolute tolerances
         of a step. With `events` the run is split at switches of stiffness and changes of contact.
         """
-        run_class = _SplitRun if events else _UnsplitRun
+        run_class = _SplitScipyRun if events else _ScipyRun
         return run_class(right_hand_side(model, tuning), method=solver, rtol=rtol, atol=atol)
 
 
-class _UnsplitRun(Run):
+class _ScipyRun(Run):
     """Run in a single integration over the whole span, without event location."""
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
@@ -76,8 +76,8 @@ class _UnsplitRun(Run):
             try:
                 solver.step()
             except ValueError:  # Numbers overflow within the step.
-                return start_state, code_of_stall(start_state)
-            if not within_range(solver.y):
+                return start_state, failure_status(start_state)
+            if not is_state_in_range(solver.y):
                 return solver.y, status.OVERFLOW
             if self.problem.is_jammed(solver.t, solver.y):
                 return solver.y, status.JAMMED
@@ -108,8 +108,8 @@ class _UnsplitRun(Run):
             self.evaluations += 1
             return self.problem.derivative(t, z)
 
-        solver_class = getattr(integrate, self.settings["method"])
-        tolerances = {"rtol": self.settings["rtol"], "atol": self.settings["atol"]}
+        solver_class = getattr(integrate, self.solver_options["method"])
+        tolerances = {"rtol": self.solver_options["rtol"], "atol": self.solver_options["atol"]}
         return solver_class(derivative, 0.0, state, MESH_PERIOD * self.periods, **tolerances)
 
     def _record_solver_steps(self, steps: list[tuple], solver) -> None:
@@ -129,7 +129,7 @@ class _UnsplitRun(Run):
         self.record_steps(period, phases - start, states, lambda t: solution(t + start).T)
 
 
-class _SplitRun(Split):
+class _SplitScipyRun(SplitRun):
     """Run by `solve_ivp` with terminal events, split at switches and changes of contact."""
 
     def _flank_distance(self, period_start, crossing: FlankCrossing, t: float, state) -> float:
@@ -145,16 +145,16 @@ class _SplitRun(Split):
         """Return the `Arc` from a state to a flank crossing or to the end of a branch.
 
         A branch is a range of mesh phase with constant contact on one stiffness segment; an arc is
-        the solution on it. If the solver fails, `Stall` is raised.
+        the solution on it. If the solver fails, `SolverFailure` is raised.
         """
         from scipy.integrate import solve_ivp
 
-        period_start, start, end, segment, contact_codes, crossings = branch
+        period_start, start, end, segment, contact_states, crossings = branch
 
         def derivative(t, z):
             """Count an evaluation and return the derivative of the state z on the branch."""
             self.evaluations += 1
-            return self.problem.branch_derivative(period_start + t, z, segment, contact_codes)
+            return self.problem.branch_derivative(period_start + t, z, segment, contact_states)
 
         events = []
         for crossing in crossings:
@@ -164,13 +164,13 @@ class _SplitRun(Split):
             events.append(event)
         # Only samples need states between step ends.
         dense_output = self.is_recording and self.sample_count < len(self.samples)
-        options = {"dense_output": dense_output, "events": events} | self.settings
+        options = {"dense_output": dense_output, "events": events} | self.solver_options
         try:
             solution = solve_ivp(derivative, (start, end), state, **options)
         except ValueError:  # Numbers overflow, or the phase does not advance.
-            raise Stall from None
+            raise SolverFailure from None
         if solution.status < 0:
-            raise Stall
+            raise SolverFailure
         crossing_index = None
         # The events are terminal, so that at most one of them has stopped the solver.
         for i, event_times in enumerate(solution.t_events):

@@ -69,7 +69,9 @@ class GearPair(PairParameters, Model):
         stiffness_ratio: StiffnessRatio,
         damping: NonNegative = 0.0,
         backlash_damping: NonNegative = 0.0,
-        backlash_ratio: Annotated[float, Ge(0), Unit("1", infinite="infinity included")] = math.inf,
+        backlash_ratio: Annotated[
+            float, Ge(0), Unit("1", infinity_text="infinity included")
+        ] = math.inf,
         teeth: int = 24,
     ) -> "GearPair":
         """Return a pair given by its dimensionless ratios, with unit scales.
@@ -155,7 +157,7 @@ class GearPair(PairParameters, Model):
         from gearlib.models.profiles import Rectangular
 
         # The mesh stiffness of the pair is rectangular over the mesh phase.
-        return pair_equation(self, Rectangular().pieces(self))
+        return pair_equation(self, Rectangular().piecewise_stiffness(self))
 
     @property
     def propagators(self) -> dict[str, Callable]:

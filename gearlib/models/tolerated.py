@@ -142,7 +142,7 @@ def check_range(parameter_name, scatter, parameter, values) -> None:
     check, or None for no check. `scatter` is the dict of the user; its keys, such as "min", name
     the wrong value in the message.
     """
-    if parameter is None or parameter.number is None:
+    if parameter is None or parameter.numeric_unit is None:
         return  # There is no limit to check.
     centre, *limits = values
     if "min" in scatter:

@@ -16,7 +16,7 @@ from gearlib.engines.summary_columns import COLUMNS
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
 from gearlib.parameters import Count, Limits, NonNegative, Positive, Values, WholeNumber, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, check_memory, tuning_at_speed
 
 #: Variables that are in SI units only in run-ups: name -> (CF units, long_name).
@@ -111,7 +111,8 @@ def run_up(
         Largest number of arcs (intervals of contact or free flight) in a mesh period. A run that
         needs more is stopped.
     max_seconds : float, optional
-        Seconds after which the call returns what is done, see `gearlib.progress`.
+        Time limit in seconds, after which the results computed so far are returned; see
+        `gearlib.progress`.
 
     Returns
     -------
@@ -127,7 +128,7 @@ def run_up(
     Raises
     ------
     ValueError
-        If an argument is wrong; the message gives its name, its value and the allowed range.
+        If an argument is invalid; the message states its name, its value and what is allowed.
 
     References
     ----------
@@ -141,7 +142,7 @@ def run_up(
     else:
         argument_name = "stop" if speeds[-1, 1] >= speeds[0, 1] else "start"
     tuning_at_speed(model, argument_name, float(speeds[:, 1].max()))
-    loads = _check_times("load", load, steps=True)
+    loads = _check_course("load", load, steps=True)
     if initial_state is None:
         state = model.static_state(model.tuning_at(speeds[0, 1]), float(loads[0, 1]))
     else:
@@ -156,11 +157,11 @@ def run_up(
     numbers_per_period = samples_per_period * numbers_per_sample + _NUMBERS_PER_PERIOD * mesh_count
     description = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples_per_period}"
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
-    limit = Limit(max_seconds)
+    limit = TimeLimit(max_seconds)
     teeth = model.periods_per_revolution
     arguments = start_state, samples_per_period, max_events, inertia_accelerations, teeth
     course_run = speed_courses.run_courses(runner, pieces, *arguments)
-    records = list(limit.each(with_bar("parts of the run-up", course_run)))
+    records = list(limit.iterate(with_progress_bar("parts of the run-up", course_run)))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
     if code == status.OK and displacement > model.displacement_limit(1.0, state):
@@ -190,7 +191,7 @@ def run_up(
     if not limit.complete:
         end_time = float(records[-1].theta[-1]) / omega
         missing_intervals.append([end_time, float(speeds[-1, 0])])
-    return limit.mark(dataset, missing_intervals)
+    return limit.record_missing(dataset, missing_intervals)
 
 
 def _check_model(model):
@@ -238,7 +239,7 @@ def speed_course(
             raise ValueError(
                 "speed is not allowed together with start, stop, duration and acceleration"
             )
-        course = _check_times("speed", speed)
+        course = _check_course("speed", speed)
     else:
         if start is None or stop is None:
             name = "start" if start is None else "stop"
@@ -256,7 +257,7 @@ def speed_course(
     return course
 
 
-def _check_times(name: str, rows: Any, steps: bool = False) -> np.ndarray:
+def _check_course(name: str, rows: Any, steps: bool = False) -> np.ndarray:
     """Check a course, rows (time in s, speed or load), and return it as an array, shape (n, 2).
 
     Raise ValueError if a time is negative or not later than the time in the previous row. With
@@ -350,13 +351,13 @@ def _event_variables(model, records: list, omega: float) -> dict:
     """Return the variables along ``event`` of a run-up as {name: (dims, values)}.
 
     `records` are the `IntervalRecord`s of the parts of the run-up. Each row of their `events`
-    starts with (dimensionless time omega t, index of the mesh, contact code before, code after,
-    velocity), where `omega` is in rad/s. Contact codes are 1 for the drive side, 0 for loss of
+    starts with (dimensionless time omega t, index of the mesh, contact state before, code after,
+    velocity), where `omega` is in rad/s. Contact states are 1 for the drive side, 0 for loss of
     contact and -1 for the coast side.
     """
     events = np.concatenate([record.events for record in records])
     times, mesh_indices, codes_before, codes_after, velocities, *_ = events.T
-    # The tuning, mesh frequency over natural frequency, gives the speed at each event.
+    # The tuning, mesh frequency / natural frequency, gives the speed at each event.
     tunings = []
     for record in records:
         tuning, _phase, _load = record.piece.at_times(record.events[:, 0])

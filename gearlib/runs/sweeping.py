@@ -11,20 +11,20 @@ from gearlib import checks
 from gearlib.data import summary
 from gearlib.data.result import result
 from gearlib.parameters import Count, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import (
     DIRECTIONS,
     MAX_EVENTS,
     Direction,
     MaxSeconds,
-    Rows,
     RunArguments,
+    SweepTables,
     Threads,
-    check_either,
-    check_rows,
-    check_run,
+    check_run_arguments,
+    check_sweep_memory,
     check_tuning,
     is_valid_tuning,
+    require_tuning_or_speed,
     tuning_at_speed,
 )
 
@@ -87,10 +87,11 @@ def sweep(
         Largest number of arcs (intervals of contact or free flight) in a mesh period. A run that
         needs more is stopped.
     threads : int, optional
-        Number of threads of a cold sweep, by default one for each processor. The result does not
+        Number of threads of a cold sweep, by default one per processor. The result does not
         depend on it.
     max_seconds : float, optional
-        Seconds after which the call returns what is done, see `gearlib.progress`.
+        Time limit in seconds, after which the results computed so far are returned; see
+        `gearlib.progress`.
 
     Returns
     -------
@@ -109,9 +110,9 @@ def sweep(
     Raises
     ------
     ValueError
-        If an argument is wrong; the message gives its name, its value and the allowed range.
+        If an argument is invalid; the message states its name, its value and what is allowed.
     """
-    check_either(model, "tunings", tunings, "speeds", speeds)
+    require_tuning_or_speed(model, "tunings", tunings, "speeds", speeds)
     if speeds is None:
         argument_name = "tunings"
         tunings = check_tunings("tunings", tunings, check_tuning)
@@ -120,17 +121,17 @@ def sweep(
         check_speed = functools.partial(tuning_at_speed, model)
         speeds = check_tunings("speeds", speeds, check_speed, model.tuning_at)
         tunings = model.tuning_at(speeds)
-    arguments = check_run(
+    arguments = check_run_arguments(
         model, periods, record_periods, initial_state, method, options, max_events
     )
-    _check_order(direction, tunings, argument_name)
+    _check_tuning_order(direction, tunings, argument_name)
     allowed = f"'cold' for six degrees of freedom by method {arguments.method!r}; the method "
     allowed += "'exact' carries all coordinates along"
     # The final state of other methods lacks some of the six coordinates.
     is_full_state = arguments.method == "exact" or model.size == 2
     checks.require(direction == "cold" or is_full_state, "direction", direction, allowed)
-    limit = Limit(max_seconds)
-    check_rows(model, f"a sweep of {tunings.size:,} tunings", tunings.size)
+    limit = TimeLimit(max_seconds)
+    check_sweep_memory(model, f"a sweep of {tunings.size:,} tunings", tunings.size)
     rows = _run_sweep(model, tunings, arguments, direction, threads or os.cpu_count(), limit)
     data = {
         **summary.summary_variables(model, ("tuning",), *rows[1:], record_periods),
@@ -141,25 +142,27 @@ def sweep(
     attributes = arguments.attributes() | {"direction": direction}
     title = "Resonance characteristic of a gear mesh"
     dataset = result(title, model, data, coords, **attributes)
-    return limit.mark(dataset, tuning=rows.codes[:, 1] >= 0)
+    return limit.record_missing(dataset, tuning=rows.outcomes[:, 1] >= 0)
 
 
-def _run_sweep(model, tunings, arguments: RunArguments, direction, threads: int, limit) -> Rows:
-    """Run a model at all tunings of a sweep; return its `Rows`, one row per tuning.
+def _run_sweep(
+    model, tunings, arguments: RunArguments, direction, threads: int, limit
+) -> SweepTables:
+    """Run a model at all tunings of a sweep; return its `SweepTables`, one row per tuning.
 
-    `tunings`, shape (n,), are mesh frequencies over the natural frequency in any order. `arguments`
-    are the initial state, the mesh periods and the integration method of each run. With the
-    direction "cold" all runs start from the initial state and are distributed to `threads` threads;
-    with "up" or "down" each starts from the final state of the previous one. Rows that are not
-    computed when the time `limit` is over have the status -1.
+    `tunings`, shape (n,), are ratios of mesh frequency to natural frequency in any order.
+    `arguments` are the initial state, the mesh periods and the integration method of each run. With
+    the direction "cold" all runs start from the initial state and are distributed to `threads`
+    threads; with "up" or "down" each starts from the final state of the previous one. Rows that are
+    not computed when the time `limit` is over have the status -1.
     """
     _, _, summary_table = model.empty_record()
-    rows = Rows(
+    rows = SweepTables(
         # A motion with a larger displacement counts as unbounded.
         bound=model.displacement_limit(float(tunings.max()), arguments.state),
         summaries=np.full((tunings.size, *summary_table.shape), np.nan),
-        ends=np.full((tunings.size, len(model.components)), np.nan),
-        codes=np.full((tunings.size, 2), -1),  # period and status; -1: not yet computed
+        final_states=np.full((tunings.size, len(model.components)), np.nan),
+        outcomes=np.full((tunings.size, 2), -1),  # period and status; -1: not yet computed
     )
     is_warm_started = direction != "cold"
     run_arguments = arguments.state, is_warm_started, arguments.span, rows
@@ -176,16 +179,20 @@ def _run_sweep(model, tunings, arguments: RunArguments, direction, threads: int,
     # The kernel of a `GearPair` takes an array of tunings at once, others one after the other.
     takes_arrays = arguments.method == "exact" and model.pair is model and not limit.is_set
     if is_warm_started or threads == 1 or len(chunks) < 2:
-        run_tunings(order if takes_arrays else with_bar("tunings", limit.each(order), order.size))
+        run_tunings(
+            order
+            if takes_arrays
+            else with_progress_bar("tunings", limit.iterate(order), order.size)
+        )
     else:
-        parts = chunks if takes_arrays else map(limit.each, chunks)
+        parts = chunks if takes_arrays else map(limit.iterate, chunks)
         # Kernels release the interpreter lock, so threads run in parallel.
         with ThreadPoolExecutor(threads) as pool:
-            list(with_bar("parts of the sweep", pool.map(run_tunings, parts), len(chunks)))
+            list(with_progress_bar("parts of the sweep", pool.map(run_tunings, parts), len(chunks)))
     return rows
 
 
-def _check_order(direction: str, tunings: np.ndarray, name: str):
+def _check_tuning_order(direction: str, tunings: np.ndarray, name: str):
     """Raise ValueError unless the order of the tunings, shape (n,), suits the sweep direction.
 
     They must increase for the direction "up" and either increase or decrease for "down". They may
@@ -204,26 +211,28 @@ def _check_order(direction: str, tunings: np.ndarray, name: str):
         raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {order} values")
 
 
-def sweep_down(model, tunings: np.ndarray, lowest: float, **settings):
+def sweep_down(model, tunings: np.ndarray, min_tuning: float, **sweep_options):
     """Sweep a model downwards to a tuning at which the motion agrees with an upward sweep.
 
-    Below this tuning (mesh frequency over natural frequency) there is no hysteresis. `tunings`,
-    shape (n,), increase in equal steps; the downward sweep continues in these steps below the
-    lowest of them, at most to the tuning `lowest`. `settings` are other arguments of `sweep`, such
+    Below this tuning (mesh frequency / natural frequency) there is no hysteresis. `tunings`, shape
+    (n,), increase in equal steps; the downward sweep continues in these steps below the lowest of
+    them, at most to the tuning `min_tuning`. `sweep_options` are other arguments of `sweep`, such
     as periods. Return (dataset of the downward sweep, whether the motions agree anywhere). The
     dataset starts at the highest tuning <= `tunings[0]` at which they agree, or else at the lowest
     tuning.
     """
     first_tuning, step = float(tunings[0]), float(tunings[1] - tunings[0])
-    # The small number allows for rounding errors, so that `lowest` itself is included.
-    added_count = max(0, math.floor((first_tuning - lowest) / step + 1e-9))
+    # The small number allows for rounding errors, so that `min_tuning` itself is included.
+    added_count = max(0, math.floor((first_tuning - min_tuning) / step + 1e-9))
     added_tunings = np.round(first_tuning - step * np.arange(added_count, 0, -1), 12)
-    curve = sweep(model, np.concatenate([added_tunings, tunings]), direction="down", **settings)
+    curve = sweep(
+        model, np.concatenate([added_tunings, tunings]), direction="down", **sweep_options
+    )
     if not curve.get("complete", True):
         # The time limit ended the sweep.
         return curve, False
     down = curve.isel(tuning=slice(added_count + 1))
-    up = sweep(model, down.tuning.values, direction="up", **settings)
+    up = sweep(model, down.tuning.values, direction="up", **sweep_options)
     agreeing_indices = np.flatnonzero(motions_agree(up, down))
     if not agreeing_indices.size:
         return curve, False
@@ -248,7 +257,7 @@ def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray
 
     They must be valid and all different. `name` is the name of the argument in error messages,
     `check(name, value)` is a function that raises ValueError for a single invalid value, and
-    `tuning_at` converts an array of values to tunings (mesh frequencies over the natural
+    `tuning_at` converts an array of values to tunings (ratios of mesh frequency to natural
     frequency), by default without a change.
     """
     try:

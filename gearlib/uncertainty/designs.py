@@ -197,7 +197,7 @@ def _parameter_text(name: str, parameter: Any) -> str:
     semicolon. The result is such as "profile shift of the pinion".
     """
     gear, _, field = name.rpartition(".")
-    text = parameter.text.split(";")[0].split(",")[0].strip()
+    text = parameter.raw_description.split(";")[0].split(",")[0].strip()
     text = text[:1].lower() + text[1:] if text else field.replace("_", " ")
     return f"{text} of the {gear}" if gear else text
 

@@ -50,7 +50,7 @@ def read_measured(path):
     checks.require(isinstance(path, (str, Path)), "path", path, "a YAML file")
     path = Path(path)
     checks.require(path.is_file(), "path", str(path), "a YAML file")
-    description = measured_description.read(path)
+    description = measured_description.read_description(path)
     data = xr.Dataset(attrs={"repairs": ""})
     try:
         if description.data is not None:
@@ -72,7 +72,7 @@ def read_measured(path):
         "synthetic": int(bool(description.synthetic)),
         "known": canonical_json(metadata),
         "conditions": canonical_json(conditions),
-        "not_said": ", ".join(description.unstated_properties()),
+        "not_said": ", ".join(description.unknown_properties()),
     }
     return data
 
@@ -108,7 +108,7 @@ def _json_value(name: str, value: Any) -> Any:
     unit = parameter.unit if parameter else ""
     if isinstance(value, str) and value[:1].isdigit() and unit:
         try:
-            return units.read(value, unit)
+            return units.parse_quantity(value, unit)
         except ValueError:
             allowed = f"a number or a text with a unit of the dimension of {unit}"
             raise checks.InputError(f"known.{name}", value, allowed) from None

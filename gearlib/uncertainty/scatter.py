@@ -29,13 +29,13 @@ from gearlib.data.motions import largest_force
 from gearlib.data.result import result
 from gearlib.data.variables import describe
 from gearlib.parameters import INTEGER, Count, Limits, Speed, Unit, Values, WholeNumber, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import (
     MaxSeconds,
     Threads,
-    check_either,
     check_memory,
     check_tuning,
+    require_tuning_or_speed,
     tuning_at_speed,
 )
 from gearlib.runs.sweeping import check_tunings, sweep
@@ -177,7 +177,7 @@ def shard(
     """
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     checks.require(progress is None or callable(progress), "progress", progress, "a function")
-    limit = Limit(settings.pop("max_seconds", None))
+    limit = TimeLimit(settings.pop("max_seconds", None))
     quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
     designs = Designs(model, tolerances, seed)
     sweeps = _sweep_settings(designs.nominal, **settings)
@@ -199,7 +199,7 @@ def shard(
             attributes["speed"] = speed
     title = "Scatter of a gear mesh by its tolerances"
     dataset = result(title, designs.nominal, variables, coords, method="scatter", **attributes)
-    return limit.mark(dataset, sample=done)
+    return limit.record_missing(dataset, sample=done)
 
 
 def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, limit, done) -> dict:
@@ -209,7 +209,7 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, li
     `sweeps` the `SweepSettings` of the runs over speed, or None, and `evaluator` a
     `DesignQuantities`, which computes quantities such as jump speeds, or None. `progress` is called
     with 1 after each sample. The mask `done`, (samples,), is set for the samples that are finished
-    before the `Limit` of time.
+    before the `TimeLimit` is over.
     """
     count = len(samples)
     tables: dict = {}  # name of a variable of the runs -> array (samples, directions, speeds)
@@ -250,7 +250,7 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, li
             progress(1)
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(with_bar("samples", pool.map(compute_sample, range(count)), count))
+        list(with_progress_bar("samples", pool.map(compute_sample, range(count)), count))
     data: dict = {}
     for name, column in zip(designs.names, values.T, strict=True):
         # Names of netCDF variables have letters, digits and underscores only.
@@ -289,7 +289,7 @@ def _sweep_settings(
     """
     if speeds is None and tunings is None:
         return None
-    check_either(model, "tunings", tunings, "speeds", speeds)
+    require_tuning_or_speed(model, "tunings", tunings, "speeds", speeds)
     if speeds is None:
         grid = check_tunings("tunings", tunings, check_tuning)
         if model.speed is not None:
@@ -533,7 +533,7 @@ def sobol_indices(
     quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
     checks.require(quantities, "quantities", quantities, "at least one")
     evaluator = quantity_evaluator(designs, quantities, speed)
-    limit = Limit(max_seconds)
+    limit = TimeLimit(max_seconds)
     tables = _design_tables(designs, evaluator, n, progress, limit)
     indices = [
         _indices_with_intervals(table, confidence, seed, name)
@@ -548,17 +548,19 @@ def sobol_indices(
     attributes = {"tolerances": tolerances, "samples": n, "seed": seed, "confidence": confidence}
     title = "Sobol' indices of a gear mesh by its tolerances"
     dataset = result(title, designs.nominal, data, coords, method="Saltelli 2010", **attributes)
-    return limit.mark(dataset, list(range(tables.shape[2], n)))
+    return limit.record_missing(dataset, list(range(tables.shape[2], n)))
 
 
-def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any, limit: Limit) -> Any:
+def _design_tables(
+    designs: Designs, evaluator: Any, n: int, progress: Any, limit: TimeLimit
+) -> Any:
     """Compute the q quantities for the designs of Saltelli's method, shape (q, k + 2, n).
 
     The k + 2 rows belong to two independent sets A and B of n samples of the k parameters, and to k
     copies of A with one parameter of B each. Values are NaN for designs that do not have the
     quantity. `designs` build the models, and `evaluator` is the `DesignQuantities` that computes
     the quantities; `progress`, a function or None, is called with 1 after each design. If the time
-    of the `Limit` ends, fewer than n samples are returned.
+    of the `TimeLimit` ends, fewer than n samples are returned.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
@@ -568,7 +570,7 @@ def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any, limi
     parameters = designs.tolerances.values(points.reshape(-1, k)).reshape(k + 2, n, -1)
     values = np.full((k + 2, n, len(evaluator.quantities)), np.nan)
     # Samples are computed in pairs, because a single sample has no variance.
-    for i in limit.each(with_bar("pairs of samples", range(0, n, 2), n // 2)):
+    for i in limit.iterate(with_progress_bar("pairs of samples", range(0, n, 2), n // 2)):
         for index in itertools.product(range(k + 2), (i, i + 1)):
             design_parameters = parameters[index]
             try:

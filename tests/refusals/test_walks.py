@@ -85,7 +85,9 @@ def test_each_wrong_value_is_refused_in_one_sentence(annotation, place, refusals
 
 @cases
 def test_values_just_inside_a_range_are_not_refused_for_it(annotation, place, refusals, text_of):
-    words = p.describe_requirement(annotation, text_of is validation.format_value).rpartition("each ")[2]
+    words = p.describe_requirement(annotation, text_of is validation.format_value).rpartition(
+        "each "
+    )[2]
     for value in values_within_range(annotation, text_of is validation.format_value):
         # Other refusals are allowed, because values of several parameters may be inconsistent.
         pattern = rf"{re.escape(place)}\S* = .* must be {re.escape(words)}"

@@ -15,8 +15,8 @@ from gearlib import SixDegreePair, tunings, units
 from gearlib.cli import main
 from gearlib.config import ConfigError, load, overlay
 from gearlib.geometry import SpurGear
-from gearlib.models.from_values import model
-from gearlib.tunings import grid, name_of, values_of, windows
+from gearlib.models.from_values import build_model
+from gearlib.tunings import format_name, grid, parse_name, windows
 from tests.paper import CONFIG
 from tests.workflow.project import ROOT
 
@@ -68,7 +68,7 @@ def test_speeds_in_rpm_become_tunings():
         branches={"start": "1500 rpm"},
         basins={"cases": basins},
     )
-    pair, section = model(settings.pair("k1")), settings.resonance
+    pair, section = build_model(settings.pair("k1")), settings.resonance
     # A window of 1500 rpm takes two jobs for a sweep from rest ("cold") over 3000 rpm.
     assert len(section.windows("cold")) == 2
     values = tunings.grid(section.start, section.stop, section.step)
@@ -82,7 +82,7 @@ def test_speeds_in_rpm_become_tunings():
     assert (second, branches.stop) == (0.8, 1.4)
     # The third case of `basins` changes the gears, and its tuning refers to the changed gears.
     case = settings.basins.cases[2]
-    gears = model(settings.pair(case.damping, case.change))
+    gears = build_model(settings.pair(case.damping, case.change))
     assert gears.stiffness_ratio == 0.35
     assert gears.speed(case.tuning) == pytest.approx(2000.0, rel=1e-12)
 
@@ -149,7 +149,7 @@ def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
     assert set(settings.figures.colours) == set(dampings)
     assert len(set(settings.figures.colours.values())) == len(dampings)
     # The default bodies of six degrees of freedom have the reduced mass of the pair.
-    pair = model(settings.pair(next(iter(dampings))))
+    pair = build_model(settings.pair(next(iter(dampings))))
     six = SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     assert six.reduced_mass_free == pytest.approx(GEARS["reduced_mass"], rel=1e-12)
 
@@ -208,7 +208,7 @@ def test_the_schema_refuses_missing_unknown_and_out_of_range_values(schema, chan
     ],
 )
 def test_a_text_with_a_unit_is_converted_to_si(text, unit, value):
-    assert units.read(text, unit) == value
+    assert units.parse_quantity(text, unit) == value
 
 
 @pytest.mark.parametrize(
@@ -231,7 +231,7 @@ def test_a_text_with_a_unit_is_converted_to_si(text, unit, value):
 )
 def test_texts_of_another_kind_are_refused(text):
     with pytest.raises(ValueError, match="is not"):
-        units.read(text, "m")
+        units.parse_quantity(text, "m")
 
 
 @pytest.mark.parametrize(
@@ -250,8 +250,8 @@ def test_a_bare_number_that_is_too_large_is_refused_with_a_hint(key, likely):
     ("tuning", "text"), [(0.66, "0.6600"), (1, "1.0000"), (0.81505, "0.81505"), (1e-6, "0.000001")]
 )
 def test_a_file_name_holds_the_tuning_exactly(tuning, text):
-    assert name_of(tuning) == text
-    assert values_of(name_of(tuning, 2.5)) == [tuning, 2.5]
+    assert format_name(tuning) == text
+    assert parse_name(format_name(tuning, 2.5)) == [tuning, 2.5]
 
 
 def test_windows_cover_each_tuning_of_the_grid_once_in_short_decimals():

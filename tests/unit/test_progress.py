@@ -98,8 +98,8 @@ def test_one_progress_bar_is_shown_on_a_terminal(place, monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
     monkeypatch.setattr(progress, "DELAY", 0.0)
     monkeypatch.setattr(sys, "stderr", stream)
-    for _ in progress.with_bar("things", "ab"):
-        list(progress.with_bar("inner things", "cd"))
+    for _ in progress.with_progress_bar("things", "ab"):
+        list(progress.with_progress_bar("inner things", "cd"))
     shown = stream.getvalue()
     assert ("things/s" in shown) == (place != "file") and "inner" not in shown
 

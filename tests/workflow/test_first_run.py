@@ -58,7 +58,7 @@ def test_computations_do_not_depend_on_drawing_code(records):
 
 
 def test_every_job_starts_with_the_settings_of_the_processor(records):
-    settings = processor.settings()
+    settings = processor.environment_variables()
     # Snakemake sets this variable to the threads of a job.
     settings.pop("OPENBLAS_NUM_THREADS", None)
     assert all(settings.items() <= job["environment"].items() for job in records)

@@ -19,7 +19,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.shooting import NoOrbit, Orbit, compose, periodic_orbit
 from gearlib.engines import orbit as columns
-from gearlib.progress import Limit
+from gearlib.progress import TimeLimit
 
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")
 PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
@@ -45,7 +45,7 @@ _PLANE_DIRECTIONS, _SPACE_DIRECTIONS = 32, 128
 class TrappingEllipses:
     """Ellipses around the points of an orbit that no sampled motion leaves."""
 
-    points: np.ndarray  #: shape (m, n), in the coordinates of `Stroboscope.scaled`
+    points: np.ndarray  #: shape (m, n), in the coordinates of `Stroboscope.reduce_and_scale`
     forms: np.ndarray  #: quadratic forms, shape (m, n, n)
     radii: np.ndarray  #: shape (m,), static deflections: (x - point)^T form (x - point) <= radius^2
 
@@ -95,7 +95,7 @@ class Attractor:
         return self.kind, self.period, displacement_range
 
 
-def find_attractors(stroboscope, states, known_attractors: list, time_limit: Limit) -> list:
+def find_attractors(stroboscope, states, known_attractors: list, time_limit: TimeLimit) -> list:
     """Return the periodic attractors near given states that are not yet known.
 
     `states`, shape (k, n), are all coordinates and velocities after a transient. `stroboscope` maps
@@ -108,32 +108,35 @@ def find_attractors(stroboscope, states, known_attractors: list, time_limit: Lim
         series.append(stroboscope(series[-1], 1)[0])
     # The latest states come first, because they are nearest to the attractor.
     series = np.array(series[::-1])
-    scaled_series = stroboscope.scaled(series)
+    scaled_series = stroboscope.reduce_and_scale(series)
     attractors = list(known_attractors)
-    for k in time_limit.each(range(len(states))):
+    for k in time_limit.iterate(range(len(states))):
         if not np.isfinite(scaled_series[:, k]).all():
             continue
         # The motion ends at an attractor that is already known.
         if any(attractor.ellipses.contain(scaled_series[:1, k])[0] for attractor in attractors):
             continue
-        candidate = _attractor_at(stroboscope, series[0, k], scaled_series[:, k])
+        candidate = _find_attractor_near(stroboscope, series[0, k], scaled_series[:, k])
         if candidate and not any(_are_same_orbit(candidate, other) for other in attractors):
             attractors.append(candidate)
     return attractors[len(known_attractors) :]
 
 
-def _are_same_orbit(first: Any, second: Any) -> bool:
+def _are_same_orbit(attractor: Any, other_attractor: Any) -> bool:
     """Return whether two periodic attractors are the same orbit, whichever point comes first.
 
-    They are if one point of the second agrees with the first point of the first to 1e-6.
+    They are if one point of the other_attractor agrees with the attractor point of the attractor to
+    1e-6.
     """
-    points = first.ellipses.points
+    points = attractor.ellipses.points
     size = max(1.0, np.abs(points).max())
-    distances = np.abs(second.ellipses.points - points[0]).max(axis=1)
+    distances = np.abs(other_attractor.ellipses.points - points[0]).max(axis=1)
     return bool((distances < _SAME_POINT_TOLERANCE * size).any())
 
 
-def _attractor_at(stroboscope, state: np.ndarray, scaled_series: np.ndarray) -> Attractor | None:
+def _find_attractor_near(
+    stroboscope, state: np.ndarray, scaled_series: np.ndarray
+) -> Attractor | None:
     """Return the periodic attractor near the `state` of a motion after its transient, or None.
 
     `scaled_series`, shape (cycles, n), are earlier states of this motion one cycle (period of the
@@ -156,14 +159,14 @@ def _attractor_at(stroboscope, state: np.ndarray, scaled_series: np.ndarray) -> 
             continue
         largest_multiplier = np.abs(orbit.multipliers).max()
         if largest_multiplier < 1.0 - _MIN_DECAY:
-            return attractor_of(stroboscope, orbit)
+            return _create_attractor(stroboscope, orbit)
         if largest_multiplier <= 1.0 + _MIN_DECAY:
             # Without damping in contact neither this orbit nor neighbouring ones are attractors.
             return None
     return None
 
 
-def attractor_of(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
+def _create_attractor(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
     """Return a stable periodic orbit as an `Attractor`, with its extrema and trapping ellipses.
 
     `stroboscope` maps states over whole cycles of the excitation. A trapping ellipse is a region
@@ -181,14 +184,14 @@ def attractor_of(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
         displacement_max=float(summary[columns.X_MAX]),
         displacement_min=float(summary[columns.X_MIN]),
         orbit=orbit,
-        ellipses=_trapping_ellipses(stroboscope, points),
+        ellipses=_find_trapping_ellipses(stroboscope, points),
         points=points,
         exponent=float(np.log(np.abs(orbit.multipliers).max())) / orbit.period,
         uncertainty=0.0,
     )
 
 
-def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> TrappingEllipses:
+def _find_trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> TrappingEllipses:
     """Return the largest ellipses around the points of an orbit that no sampled motion leaves.
 
     `stroboscope` maps states over whole cycles (periods of the excitation), and `points` are the
@@ -197,23 +200,23 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
     largest ring from which all sampled motions end inside the next smaller ring, as they do from
     all rings inside it.
     """
-    centres = stroboscope.scaled(points)
+    centres = stroboscope.reduce_and_scale(points)
     size = max(1.0, np.abs(centres).max())
-    forms, return_cycles = _lyapunov_functions(stroboscope.cycle_maps(points[0], len(points)))
+    forms, return_cycles = _lyapunov_functions(stroboscope.cycle_jacobians(points[0], len(points)))
     radii = size * _RING_RATIO ** np.arange(_RING_COUNT)  # in decreasing order
     count, n = centres.shape
     directions = _unit_vectors(n)
     # Matrices that map the unit sphere to the ellipse of radius 1.
-    to_ellipse = np.array([np.linalg.inv(np.linalg.cholesky(form).T) for form in forms])
+    ellipse_matrices = np.array([np.linalg.inv(np.linalg.cholesky(form).T) for form in forms])
     # Shape (points, rings, directions, n).
-    offsets = np.einsum("jab,db->jda", to_ellipse, directions)[:, None] * radii[:, None, None]
+    offsets = np.einsum("jab,db->jda", ellipse_matrices, directions)[:, None] * radii[:, None, None]
     # The weights scale velocities to displacements; `lift` is the matrix from states without
     # rigid-body rotation to states with all coordinates.
     samples = (centres[:, None, None] + offsets).reshape(-1, n) / stroboscope.weights
     orbit_states = np.repeat(points, radii.size * len(directions), axis=0)
-    perturbations = samples - stroboscope.scaled(orbit_states) / stroboscope.weights
+    perturbations = samples - stroboscope.reduce_and_scale(orbit_states) / stroboscope.weights
     final_states, _ = stroboscope(orbit_states + perturbations @ stroboscope.lift.T, return_cycles)
-    scaled_states = stroboscope.scaled(final_states).reshape(count, radii.size, -1, n)
+    scaled_states = stroboscope.reduce_and_scale(final_states).reshape(count, radii.size, -1, n)
     final_offsets = scaled_states - centres[:, None, None]
     # Indices: point j, ring r, direction d, coordinates a and b.
     squared_radii = np.einsum("jrda,jab,jrdb->jrd", final_offsets, forms, final_offsets)

@@ -10,18 +10,18 @@ from scipy.optimize import linear_sum_assignment
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics.attractors import KINDS, PERIODIC, UNDECIDED, Attractor
-from gearlib.analysis.global_dynamics.classification import check_model, classify
+from gearlib.analysis.global_dynamics.classification import classify, require_damped_model
 from gearlib.analysis.global_dynamics.stroboscope import (
     MAX_STATES,
     Stroboscope,
-    distinct_values,
-    grid_axes,
+    check_distinct_values,
+    check_grid,
     grid_states,
 )
 from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
 from gearlib.parameters import INTEGER, Boolean, Count, Limits, Values, WholeNumber, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Threads, Tuning, check_tuning
 
 #: Attributes of `Attractor` that are dataset variables of the same name.
@@ -63,7 +63,7 @@ def basins(
         deflection. With six degrees of freedom the bearings start with the same deflection as in
         `gearlib.simulate`.
     tuning : float
-        Mesh frequency over mean eigenfrequency, nu.
+        Ratio of mesh frequency to mean eigenfrequency, nu.
     grid : tuple
         Initial displacements in static deflections, and dx/dtau, at tau = 0: each a tuple (first,
         last, count) or an array of different values.
@@ -77,7 +77,7 @@ def basins(
     max_events : int
         Largest number of contact events in one mesh period.
     threads : int, optional
-        Number of threads; by default one for each processor.
+        Number of threads; by default one per processor.
     max_seconds : float, optional
         Time limit in seconds, after which the states without an attractor are undecided, see
         `gearlib.progress`; the attribute `missing` is then ["undecided"].
@@ -93,8 +93,8 @@ def basins(
         over 256 periods); exponent, uncertainty (largest Lyapunov exponent per mesh period, for a
         periodic orbit from its multipliers); state (attractor, point, coordinate), the successive
         points of the orbit at the start of each cycle; multiplier_real, multiplier_imaginary;
-        contact_pattern, the sequence of contact codes; grazing; trap_radius, the smallest radius of
-        its trapping ellipses in static deflections. Missing values are NaN.
+        contact_pattern, the sequence of contact states; grazing; trap_radius, the smallest radius
+        of its trapping ellipses in static deflections. Missing values are NaN.
 
     Raises
     ------
@@ -108,11 +108,11 @@ def basins(
     Menck, Heitzig, Marwan, Kurths: Nature Physics 9 (2013) 89-92, for the shares.
     """
     stroboscope = Stroboscope(model, tuning, max_events=max_events, threads=threads)
-    check_model(model)
-    x, v = grid_axes(grid)
+    require_damped_model(model)
+    x, v = check_grid(grid)
     cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
     states = grid_states(x, v)
-    time_limit = Limit(max_seconds)
+    time_limit = TimeLimit(max_seconds)
     attractors, labels = classify(stroboscope, states, cycles, time_limit, stop_early, seed)
     is_undecided = any(attractor.kind == UNDECIDED for attractor in attractors)
     missing = [KINDS[UNDECIDED]] if is_undecided and not time_limit.complete else []
@@ -138,7 +138,7 @@ def basins(
         seed=seed,
     )
     dataset["attractor_kind"].attrs |= KIND_FLAGS
-    return time_limit.mark(dataset, missing)
+    return time_limit.record_missing(dataset, missing)
 
 
 def _attractor_variables(attractors: list[Attractor]) -> dict:
@@ -232,24 +232,28 @@ def basin_stability(
     ValueError
         If an argument is invalid; the message states its value and what is allowed.
     """
-    values = distinct_values("tunings", tunings)
+    values = check_distinct_values("tunings", tunings)
     values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
     # This raises ValueError if no method supports the model.
     Stroboscope(model, values[0])
-    check_model(model)
-    low, high = np.transpose(region)
-    checks.require((low < high).all(), "region", region, "increasing limits")
+    require_damped_model(model)
+    lower_limits, upper_limits = np.transpose(region)
+    checks.require((lower_limits < upper_limits).all(), "region", region, "increasing limits")
     cells_per_axis = int(np.ceil(np.sqrt(samples)))
     state_count = cells_per_axis * cells_per_axis
     attractors_and_shares = []
-    time_limit = Limit(max_seconds)
-    for i, tuning in time_limit.each(with_bar("tunings", enumerate(values), values.size)):
+    time_limit = TimeLimit(max_seconds)
+    for i, tuning in time_limit.iterate(
+        with_progress_bar("tunings", enumerate(values), values.size)
+    ):
         stroboscope = Stroboscope(model, tuning, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
-        corners = grid_states(np.arange(cells_per_axis), np.arange(cells_per_axis))
-        states = low + (corners + rng.random(corners.shape)) / cells_per_axis * (high - low)
+        cell_corners = grid_states(np.arange(cells_per_axis), np.arange(cells_per_axis))
+        states = lower_limits + (cell_corners + rng.random(cell_corners.shape)) / cells_per_axis * (
+            upper_limits - lower_limits
+        )
         cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
-        attractors, labels = classify(stroboscope, states, cycles, Limit(None), seed=seed)
+        attractors, labels = classify(stroboscope, states, cycles, TimeLimit(None), seed=seed)
         shares = np.bincount(labels, minlength=len(attractors)) / labels.size
         attractors_and_shares.append((attractors, shares))
     count_done = len(attractors_and_shares)
@@ -266,25 +270,25 @@ def basin_stability(
         seed=seed,
     )
     dataset["attractor_kind"].attrs |= KIND_FLAGS
-    return time_limit.mark(dataset, values[count_done:].tolist())
+    return time_limit.record_missing(dataset, values[count_done:].tolist())
 
 
 def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[list, list]:
     """Group the attractors at several tunings into families that change little with the tuning.
 
-    `attractors_by_tuning` has a list of attractors for each tuning (mesh frequency over natural
+    `attractors_by_tuning` has a list of attractors for each tuning (mesh frequency / natural
     frequency), and `order` has the indices of these lists by increasing tuning. Attractors at
     successive tunings are matched by their displacement extrema. Return (attractor of each family
     at the highest tuning where it exists, arrays of the family numbers of the attractors at each
     tuning).
     """
-    latest: list[Attractor] = []  # the last attractor of each family so far
+    latest_members: list[Attractor] = []  # the last attractor of each family so far
     family_numbers = [np.zeros(0, int)] * len(attractors_by_tuning)
     for i in order:
         attractors = attractors_by_tuning[i]
-        distances = np.empty((len(attractors), len(latest)))
+        distances = np.empty((len(attractors), len(latest_members)))
         for k, attractor in enumerate(attractors):
-            distances[k] = [_distance(attractor, member) for member in latest]
+            distances[k] = [_attractor_distance(attractor, member) for member in latest_members]
         # Match pairs with the smallest sum of distances. The assignment does not allow infinite
         # distances.
         matched_attractors, matched_families = linear_sum_assignment(np.minimum(distances, 1e9))
@@ -295,11 +299,11 @@ def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[lis
         # Attractors without a family start a new one.
         for k, attractor in enumerate(attractors):
             if numbers[k] < 0:
-                numbers[k] = len(latest)
-                latest.append(attractor)
-            latest[numbers[k]] = attractor
+                numbers[k] = len(latest_members)
+                latest_members.append(attractor)
+            latest_members[numbers[k]] = attractor
         family_numbers[i] = numbers
-    return latest, family_numbers
+    return latest_members, family_numbers
 
 
 def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples: int) -> tuple:
@@ -307,7 +311,7 @@ def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples:
 
     A family is a sequence of attractors that change little from tuning to tuning.
     `attractors_and_shares` holds (attractors, their shares of the initial states) for each of the
-    `tunings` (mesh frequency over natural frequency), shape (t,). `samples` is the number of
+    `tunings` (mesh frequency / natural frequency), shape (t,). `samples` is the number of
     initial states at each tuning, for the standard errors of the shares.
     """
     attractors_by_tuning = [attractors for attractors, _ in attractors_and_shares]
@@ -320,33 +324,33 @@ def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples:
         share[i, numbers[i]] = shares
         for name, table in tables.items():
             table[i, numbers[i]] = [getattr(attractor, name) for attractor in attractors]
-    kinds = np.array([family.kind for family in families], np.int8)
+    family_kinds = np.array([family.kind for family in families], np.int8)
     periods = np.array([family.period for family in families], np.int32)
     dims = ("tuning", "attractor_family")
     data = {
         "share": (dims, share),
         "share_error": (dims, np.sqrt(share * (1.0 - share) / samples)),
         **{name: (dims, table) for name, table in tables.items()},
-        "attractor_kind": ("attractor_family", kinds),
+        "attractor_kind": ("attractor_family", family_kinds),
         "period": ("attractor_family", periods),
     }
     return data, {"tuning": tunings, "attractor_family": np.arange(len(families))}
 
 
-def _distance(first: Attractor, second: Attractor) -> float:
+def _attractor_distance(attractor: Attractor, other_attractor: Attractor) -> float:
     """Return the largest difference between the displacement extrema of two attractors.
 
     The difference is divided by the displacement range of the first one, or by one static
     deflection if that is larger. It is infinite for different kinds (periodic, chaotic, ...) or
     periods, and 0 for two aperiodic attractors of the same kind.
     """
-    if (first.kind, first.period) != (second.kind, second.period):
+    if (attractor.kind, attractor.period) != (other_attractor.kind, other_attractor.period):
         return np.inf
-    if first.kind != PERIODIC:
+    if attractor.kind != PERIODIC:
         return 0.0
-    displacement_range = max(1.0, first.displacement_max - first.displacement_min)
+    displacement_range = max(1.0, attractor.displacement_max - attractor.displacement_min)
     difference = max(
-        abs(first.displacement_max - second.displacement_max),
-        abs(first.displacement_min - second.displacement_min),
+        abs(attractor.displacement_max - other_attractor.displacement_max),
+        abs(attractor.displacement_min - other_attractor.displacement_min),
     )
     return difference / displacement_range

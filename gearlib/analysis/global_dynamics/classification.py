@@ -11,7 +11,7 @@ from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, check_one_
 from gearlib.data import status
 from gearlib.engines import orbit as columns
 from gearlib.models.model import UNBOUNDED_FACTOR
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 
 #: Number of random initial states that are propagated first, in search of attractors.
 _FIRST_SAMPLE_SIZE = 128
@@ -29,7 +29,7 @@ _TRANSIENT_PERIODS = 500
 _NO_LABEL, _UNBOUNDED_LABEL = -1, -2
 
 
-def check_model(model: Any) -> None:
+def require_damped_model(model: Any) -> None:
     """Raise ValueError if a model is unsuitable for a search for attractors.
 
     It must have one mesh, and damping: without damping a model has no attractors.
@@ -44,7 +44,12 @@ def check_model(model: Any) -> None:
 
 
 def classify(
-    stroboscope: Stroboscope, states: np.ndarray, cycles, time_limit: Limit, stop_early=True, seed=0
+    stroboscope: Stroboscope,
+    states: np.ndarray,
+    cycles,
+    time_limit: TimeLimit,
+    stop_early=True,
+    seed=0,
 ) -> tuple[list[Attractor], np.ndarray]:
     """Find the attractors of a model and the attractor that each initial state approaches.
 
@@ -61,19 +66,21 @@ def classify(
     motions = _Motions(stroboscope, states, rng, time_limit)
     # A sample of the states is propagated first; most of the others end near the same attractors.
     sample = rng.choice(len(states), min(_FIRST_SAMPLE_SIZE, len(states)), replace=False)
-    final_states, _ = motions.advance(stroboscope.start(states[np.sort(sample)]), cycles)
+    final_states, _ = motions.propagate_states(
+        stroboscope.full_states(states[np.sort(sample)]), cycles
+    )
     motions.add_attractors(final_states)
     motions.propagate(cycles, stop_early)
     bounds = motions.bounds[motions.remaining]
-    is_unbounded, motions.current = stroboscope.follow_growth(
+    is_unbounded, motions.current = stroboscope.propagate_growing_motions(
         motions.current, previous_sizes=0.0, bounds=bounds, periods=_EXPONENT_PERIODS
     )
     motions.set_label(is_unbounded, _UNBOUNDED_LABEL)
-    motions.examine_samples()
+    motions.search_near_samples()
     chaos = motions.chaotic_attractor()
     if motions.remaining.size and not chaos:
         motions.propagate(cycles, stop_early=True)
-        motions.examine_samples()
+        motions.search_near_samples()
         chaos = motions.chaotic_attractor()
     return motions.sorted_attractors(chaos)
 
@@ -88,16 +95,16 @@ class _Motions:
         """Start a motion at each of the initial `states` (displacement, velocity), shape (k, 2).
 
         `stroboscope` is the `Stroboscope` that propagates them, `rng` chooses random samples of the
-        motions, and `time_limit` is a `Limit` of the computing time.
+        motions, and `time_limit` is a `TimeLimit` of the computing time.
         """
         self.stroboscope, self.states = stroboscope, states
         self.rng, self.time_limit = rng, time_limit
         self.attractors: list = []
         self.labels = np.full(len(states), _NO_LABEL)
         #: Indices of the initial states without a label, and the current full states of these.
-        self.remaining, self.current = np.arange(len(states)), stroboscope.start(states)
+        self.remaining, self.current = np.arange(len(states)), stroboscope.full_states(states)
         #: Size of each motion above which it is unbounded, as in `Model.bound`.
-        sizes = stroboscope.size(self.current)
+        sizes = stroboscope.state_sizes(self.current)
         self.bounds = UNBOUNDED_FACTOR * np.maximum(stroboscope.model.extent, sizes)
 
     def add_attractors(self, states: np.ndarray) -> bool:
@@ -115,7 +122,9 @@ class _Motions:
             self.attractors += attractors.find_attractors(self.stroboscope, *arguments)
             # Most of the other states lie in the trapping ellipses of the attractors found so far.
             for attractor in self.attractors:
-                states = states[~attractor.ellipses.contain(self.stroboscope.scaled(states))]
+                states = states[
+                    ~attractor.ellipses.contain(self.stroboscope.reduce_and_scale(states))
+                ]
         return len(self.attractors) > count_before
 
     def set_label(self, mask: np.ndarray, label: int) -> None:
@@ -127,16 +136,16 @@ class _Motions:
         self.labels[self.remaining[mask]] = label
         self.remaining, self.current = self.remaining[~mask], self.current[~mask]
 
-    def label_classified(self) -> None:
+    def label_converged(self) -> None:
         """Label the remaining motions that have reached an attractor or exceed their bounds.
 
         A motion has reached an attractor if it is in a trapping ellipse, the neighbourhood of an
         orbit that no sampled motion leaves.
         """
-        sizes = self.stroboscope.size(self.current)
+        sizes = self.stroboscope.state_sizes(self.current)
         self.set_label(sizes > self.bounds[self.remaining], _UNBOUNDED_LABEL)
         for i, attractor in enumerate(self.attractors):
-            scaled_states = self.stroboscope.scaled(self.current)
+            scaled_states = self.stroboscope.reduce_and_scale(self.current)
             self.set_label(attractor.ellipses.contain(scaled_states), i)
 
     def propagate(self, cycles: int, stop_early: bool) -> None:
@@ -150,30 +159,34 @@ class _Motions:
         step = _FIRST_CYCLES if stop_early else cycles
         while cycles_done < cycles and self.remaining.size and not self.time_limit.is_over():
             step = min(step, cycles - cycles_done)
-            self.current, codes = self.advance(self.current, step)
-            errors = codes[(codes != status.OK) & (codes != status.OVERFLOW)]
-            if errors.size:
-                raise RuntimeError(status.MESSAGES[int(errors[0])])
-            self.label_classified()
+            self.current, status_codes = self.propagate_states(self.current, step)
+            error_codes = status_codes[
+                (status_codes != status.OK) & (status_codes != status.OVERFLOW)
+            ]
+            if error_codes.size:
+                raise RuntimeError(status.MESSAGES[int(error_codes[0])])
+            self.label_converged()
             cycles_done += step
             step = cycles_done  # doubles the number of cycles
 
-    def advance(self, states: np.ndarray, cycles: int) -> tuple:
+    def propagate_states(self, states: np.ndarray, cycles: int) -> tuple:
         """Propagate states, shape (m, n), over a number of cycles; return (states, status codes).
 
         The states have all coordinates and velocities. They are propagated in parts; after the time
         limit the parts that are left remain unchanged, with the status code 0.
         """
-        states, codes = states.copy(), np.zeros(len(states), np.int64)
+        states, status_codes = states.copy(), np.zeros(len(states), np.int64)
         chunk_size = 1 if self.time_limit.is_set else self.stroboscope.propagator.chunk_size
-        part_size = _CHUNKS_PER_THREAD * self.stroboscope.threads * chunk_size
-        starts = range(0, len(states), part_size)
-        for i in self.time_limit.each(with_bar("parts of the states", starts, len(starts))):
-            part = slice(i, i + part_size)
-            states[part], codes[part] = self.stroboscope(states[part], cycles)
-        return states, codes
+        group_size = _CHUNKS_PER_THREAD * self.stroboscope.threads * chunk_size
+        chunk_starts = range(0, len(states), group_size)
+        for i in self.time_limit.iterate(
+            with_progress_bar("parts of the states", chunk_starts, len(chunk_starts))
+        ):
+            chunk = slice(i, i + group_size)
+            states[chunk], status_codes[chunk] = self.stroboscope(states[chunk], cycles)
+        return states, status_codes
 
-    def sample(self) -> np.ndarray:
+    def choose_sample(self) -> np.ndarray:
         """Return the positions of at most 8 randomly chosen remaining motions, sorted.
 
         They are positions in the arrays `remaining` and `current`.
@@ -181,16 +194,18 @@ class _Motions:
         count = min(_SAMPLE_SIZE, self.remaining.size)
         return np.sort(self.rng.choice(self.remaining.size, count, replace=False))
 
-    def examine_samples(self) -> None:
+    def search_near_samples(self) -> None:
         """Search for attractors near random samples of the remaining motions, and label these.
 
         Stop after _MAX_SAMPLES (6) samples of 8 motions, or after the first sample without a new
         attractor.
         """
         for _ in range(_MAX_SAMPLES):
-            if not self.remaining.size or not self.add_attractors(self.current[self.sample()]):
+            if not self.remaining.size or not self.add_attractors(
+                self.current[self.choose_sample()]
+            ):
                 return
-            self.label_classified()
+            self.label_converged()
 
     def chaotic_attractor(self) -> Attractor | None:
         """Return the chaotic attractor of the remaining motions, or None if they are not chaotic.
@@ -201,7 +216,7 @@ class _Motions:
         stroboscope, exponents = self.stroboscope, []
         if not self.remaining.size or self.time_limit.is_over():
             return None
-        for i in self.remaining[self.sample()]:
+        for i in self.remaining[self.choose_sample()]:
             exponent = lyapunov.largest_exponent(
                 stroboscope.model,
                 stroboscope.tuning,
@@ -210,7 +225,7 @@ class _Motions:
                 periods=_EXPONENT_PERIODS,
                 max_events=stroboscope.max_events,
             )
-            if not exponent.growth > 0.0:
+            if not exponent.log_growth > 0.0:
                 return None
             exponents.append(exponent)
         values, uncertainties, growths, periods, _ = np.array(exponents).T
@@ -229,7 +244,7 @@ class _Motions:
         displacement are those of eight motions over 256 mesh periods.
         """
         record, max_events = self.stroboscope.propagator.record, self.stroboscope.max_events
-        samples = self.current[self.sample()]
+        samples = self.current[self.choose_sample()]
         summaries = np.array(
             [record(state, _EXTREMA_PERIODS, max_events).summary for state in samples]
         )

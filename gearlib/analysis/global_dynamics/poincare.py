@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Ge, Lt
 
 from gearlib import checks
-from gearlib.analysis.global_dynamics.stroboscope import check_one_mesh, distinct_values
+from gearlib.analysis.global_dynamics.stroboscope import check_distinct_values, check_one_mesh
 from gearlib.analysis.orbits.tracing import DimensionlessParameter, parameter_cases
 from gearlib.data import status
 from gearlib.data.motions import float_array
@@ -15,13 +15,13 @@ from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.integrators import choose_method
 from gearlib.parameters import Count, State, Unit, WholeNumber, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, Direction, MaxSeconds, Tuning, check_memory
 
 #: Largest number of recorded states of a section.
 MAX_POINTS = 50_000_000
 #: Largest number of motions whose sections are computed at a time.
-_MAX_PART_SIZE = 1024
+_MAX_CHUNK_SIZE = 1024
 #: Type of a mesh phase.
 Phase = Annotated[float, Ge(0), Lt(2.0 * math.pi), Unit("rad")]
 
@@ -44,7 +44,7 @@ def poincare_section(
     ----------
     model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
-        Mesh frequency over mean eigenfrequency, nu.
+        Ratio of mesh frequency to mean eigenfrequency, nu.
     states : array_like of float, shape (n, 2)
         Initial displacements in static deflections and dx/dtau at tau = 0, one row per motion.
     periods : int
@@ -72,72 +72,79 @@ def poincare_section(
     ValueError
         If an argument is invalid; the message states its value and what is allowed.
     """
-    starts = np.atleast_2d(float_array(states))
-    has_shape = starts.ndim == 2 and starts.shape[1] == 2 and len(starts)
-    if not has_shape or not np.isfinite(starts).all():
+    initial_states = np.atleast_2d(float_array(states))
+    has_shape = initial_states.ndim == 2 and initial_states.shape[1] == 2 and len(initial_states)
+    if not has_shape or not np.isfinite(initial_states).all():
         raise checks.InputError(
             "states",
             states,
             "rows of two finite numbers (displacement in static deflections, dx/dtau)",
         )
-    if len(starts) * periods > MAX_POINTS:
+    if len(initial_states) * periods > MAX_POINTS:
         raise ValueError(
-            f"states x periods = {len(starts):,} x {periods:,} is not allowed: there must be at "
+            f"states x periods = {len(initial_states):,} x {periods:,} is not allowed: there must be at "
             f"most {MAX_POINTS:,} states in a section"
         )
-    time_limit = Limit(max_seconds)
+    time_limit = TimeLimit(max_seconds)
     method = choose_method(model, None, None)[0]
-    # The time limit is checked between parts; without a limit, large parts are faster.
-    part_size = 1 if time_limit.is_set else _MAX_PART_SIZE
-    parts = [starts[i : i + part_size] for i in range(0, len(starts), part_size)]
+    # The time limit is checked between chunks; without a limit, large chunks are faster.
+    chunk_size = 1 if time_limit.is_set else _MAX_CHUNK_SIZE
+    chunks = [initial_states[i : i + chunk_size] for i in range(0, len(initial_states), chunk_size)]
     sections = [
-        _section(model, tuning, part, settle, periods, phase, max_events)
-        for part in time_limit.each(with_bar("parts of the states", parts, len(parts)))
+        _compute_section(model, tuning, chunk, settle, periods, phase, max_events)
+        for chunk in time_limit.iterate(
+            with_progress_bar("chunks of the states", chunks, len(chunks))
+        )
     ]
     recorded = np.concatenate([section[0] for section in sections])
-    ends = np.concatenate([section[1] for section in sections])
-    codes = np.concatenate([section[2] for section in sections])
+    final_states = np.concatenate([section[1] for section in sections])
+    status_codes = np.concatenate([section[2] for section in sections])
     data = {
         "displacement": (("orbit", "strobe"), recorded[..., 0]),
         "velocity": (("orbit", "strobe"), recorded[..., 1]),
-        "final_state": (("orbit", "component"), ends),
-        "status": ("orbit", codes.astype(np.int8)),
+        "final_state": (("orbit", "component"), final_states),
+        "status": ("orbit", status_codes.astype(np.int8)),
         "tuning": tuning,
         "phase": phase,
         **model.scales(),
     }
     coords = {
-        "orbit": np.arange(len(codes)),
+        "orbit": np.arange(len(status_codes)),
         "strobe": np.arange(settle, settle + periods),
         "component": ["displacement", "velocity"],
     }
-    settings = {"tuning": tuning, "phase": phase, "periods": periods, "settle": settle}
+    attributes = {"tuning": tuning, "phase": phase, "periods": periods, "settle": settle}
     title = "Poincare section of a gear mesh"
-    dataset = result(title, model, data, coords, method=method, **settings)
-    return time_limit.mark(dataset, list(range(len(codes), len(starts))))
+    dataset = result(title, model, data, coords, method=method, **attributes)
+    return time_limit.record_missing(dataset, list(range(len(status_codes), len(initial_states))))
 
 
-def _section(model, tuning, starts, settle, periods, phase, max_events) -> tuple:
-    """Compute the Poincare section of motions from the initial states `starts`, shape (n, 2).
+def _compute_section(model, tuning, initial_states, settle, periods, phase, max_events) -> tuple:
+    """Compute the Poincare section of motions from `initial_states`, shape (n, 2).
 
-    `tuning` is the mesh frequency over the natural frequency. A state is (displacement x, dx/dtau)
-    with the mesh phase tau. States are recorded at the mesh phase `phase`, in rad, of each of
-    `periods` mesh periods after a transient of `settle` mesh periods. A run fails if a mesh period
-    has more than `max_events` contact events, or if the motion grows without bound. Return
+    `tuning` is the ratio of mesh frequency to natural frequency. A state is (displacement x,
+    dx/dtau) with the mesh phase tau. States are recorded at the mesh phase `phase`, in rad, of each
+    of `periods` mesh periods after a transient of `settle` mesh periods. A run fails if a mesh
+    period has more than `max_events` contact events, or if the motion grows without bound. Return
     (recorded states, shape (n, periods, 2), final states, (n, 2), status codes, (n,)); states after
     a failure are NaN.
     """
     check_one_mesh(model)
-    states = np.full((len(starts), periods, 2), math.nan)
-    ends, codes = np.empty((len(starts), 2)), np.zeros(len(starts), np.int64)
+    states = np.full((len(initial_states), periods, 2), math.nan)
+    final_states, status_codes = (
+        np.empty((len(initial_states), 2)),
+        np.zeros(len(initial_states), np.int64),
+    )
     # This call fills its last three arguments.
-    model.propagator(tuning).sections(starts, settle, phase, max_events, states, ends, codes)
-    for i, start in enumerate(starts):
+    model.propagator(tuning).sections(
+        initial_states, settle, phase, max_events, states, final_states, status_codes
+    )
+    for i, start in enumerate(initial_states):
         limit = model.displacement_limit(tuning, start)
-        if codes[i] == status.OK and np.abs(states[i, :, 0]).max() > limit:
-            states[i], codes[i] = math.nan, status.OVERFLOW
-    ends[codes != status.OK] = math.nan
-    return states, ends, codes
+        if status_codes[i] == status.OK and np.abs(states[i, :, 0]).max() > limit:
+            states[i], status_codes[i] = math.nan, status.OVERFLOW
+    final_states[status_codes != status.OK] = math.nan
+    return states, final_states, status_codes
 
 
 @checked
@@ -166,7 +173,7 @@ def bifurcation_diagram(
 "stiffness_ratio"}
         Parameter that is varied; models other than a `GearPair` only have the tuning.
     tuning : float, optional
-        Mesh frequency over mean eigenfrequency, if another parameter is varied.
+        Ratio of mesh frequency to mean eigenfrequency, if another parameter is varied.
     direction : {"cold", "up", "down"}
         Whether each run starts from the initial state, or from the final state of the previous one
         for increasing or decreasing values; six degrees of freedom allow "cold" only.
@@ -194,20 +201,20 @@ def bifurcation_diagram(
         If an argument is invalid; the message states its value and what is allowed.
     """
     method = choose_method(model, None, None)[0]
-    values = distinct_values("values", values)
+    values = check_distinct_values("values", values)
     allowed = "'cold' for six degrees of freedom, because only two of the states are known"
     checks.require(direction == "cold" or model.size == 2, "direction", direction, allowed)
     description = f"strobes = {strobes} at {values.size} values"
     check_memory(description, strobes * values.size, 2, "in all")
     cases = parameter_cases(model, tuning, parameter, values)
     section_arguments = settle, strobes, phase, max_events
-    time_limit = Limit(max_seconds)
+    time_limit = TimeLimit(max_seconds)
     start_arguments = direction, section_arguments, initial_state
-    states, ends, table = _diagram(cases, values, *start_arguments, time_limit)
+    states, final_states, table = _compute_diagram(cases, values, *start_arguments, time_limit)
     data = {
         "displacement": ((parameter, "strobe"), states[..., 0]),
         "velocity": ((parameter, "strobe"), states[..., 1]),
-        "final_state": ((parameter, "component"), ends),
+        "final_state": ((parameter, "component"), final_states),
         "period": (parameter, table[:, 0].astype(np.int32)),
         "status": (parameter, table[:, 1].astype(np.int8)),
     }
@@ -216,14 +223,21 @@ def bifurcation_diagram(
         "strobe": np.arange(settle, settle + strobes),
         "component": ["displacement", "velocity"],
     }
-    settings = {"parameter": parameter, "tuning": tuning, "direction": direction, "settle": settle}
-    settings |= {"strobes": strobes, "phase": phase, "initial_state": initial_state}
+    attributes = {
+        "parameter": parameter,
+        "tuning": tuning,
+        "direction": direction,
+        "settle": settle,
+    }
+    attributes |= {"strobes": strobes, "phase": phase, "initial_state": initial_state}
     title = "Bifurcation diagram of a gear mesh"
-    dataset = result(title, model, data, coords, method=method, **settings)
-    return time_limit.mark(dataset, **{parameter: table[:, 1] >= 0})
+    dataset = result(title, model, data, coords, method=method, **attributes)
+    return time_limit.record_missing(dataset, **{parameter: table[:, 1] >= 0})
 
 
-def _diagram(cases, values, direction, section_arguments, initial_state, time_limit) -> tuple:
+def _compute_diagram(
+    cases, values, direction, section_arguments, initial_state, time_limit
+) -> tuple:
     """Compute the Poincare section of a motion at each of the values of a parameter, shape (v,).
 
     `cases` has a (model, tuning) for each value. `section_arguments` are (mesh periods of the
@@ -236,20 +250,20 @@ def _diagram(cases, values, direction, section_arguments, initial_state, time_li
     """
     _, periods, *_ = section_arguments
     states = np.full((values.size, periods, 2), math.nan)
-    ends, table = np.full((values.size, 2), math.nan), np.full((values.size, 2), -1)
+    final_states, table = np.full((values.size, 2), math.nan), np.full((values.size, 2), -1)
     order = np.argsort(values)
     if direction == "down":
         order = order[::-1]
     state = initial_state
-    for i in time_limit.each(with_bar("values", order, order.size)):
+    for i in time_limit.iterate(with_progress_bar("values", order, order.size)):
         model, tuning = cases[i]
-        section = _section(model, tuning, np.array([state]), *section_arguments)
-        states[i], ends[i], code = (array[0] for array in section)
+        section = _compute_section(model, tuning, np.array([state]), *section_arguments)
+        states[i], final_states[i], code = (array[0] for array in section)
         displacement_range = float(np.ptp(states[i, :, 0]))
         period = 0
         if code == status.OK:
             period = orbit.orbit_period(states[i], tuning, displacement_range, model.repeats)
         table[i] = period, code
         is_warm_started = direction != "cold" and code == status.OK
-        state = tuple(ends[i]) if is_warm_started else initial_state
-    return states, ends, table
+        state = tuple(final_states[i]) if is_warm_started else initial_state
+    return states, final_states, table

@@ -1,9 +1,9 @@
-"""Pseudo-arclength continuation of curves of solutions; parameters in which orbits are continued.
+"""Pseudo-arclength continuation of solution curves; parameters in which orbits are continued.
 
 A curve is defined by n equations for n + 1 unknowns. The predictor is a step along the tangent of
-the curve; the corrector is Newton's method in the plane normal to the tangent, so that folds are no
-obstacle (Keller 1977; Allgower and Georg, Numerical Continuation Methods, 1990). Unknowns are
-scaled to comparable units.
+the curve; the corrector is Newton's method in the plane normal to the tangent, so that the curve
+can be followed around folds (Keller 1977; Allgower and Georg, Numerical Continuation Methods,
+1990). The unknowns are scaled to comparable magnitudes.
 
 A *problem* has a method ``evaluate(unknowns)``, which returns a solution with
 
@@ -12,9 +12,9 @@ A *problem* has a method ``evaluate(unknowns)``, which returns a solution with
 ``jacobian``   derivatives of the residuals, shape (n, n + 1)
 ``converged``  whether the residuals are negligible
 
-A continuation changes one parameter of the model, or the tuning, and keeps the others constant. The
-parameters of a `GearPair` are dimensionless: a change of the contact ratio leaves the mean
-stiffness and the damping ratios unchanged.
+A continuation varies one parameter of the model, or the tuning, and keeps the others constant. The
+parameters of a `GearPair` are dimensionless: varying the contact ratio does not change the mean
+stiffness or the damping ratios.
 """
 
 import dataclasses
@@ -28,18 +28,18 @@ from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.model import is_model
 from gearlib.models.pair_parameters import RATIOS, ratio_fields
 from gearlib.parameters import CHOICE, Backlash, NonNegative, Positive
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import check_tuning
 
 #: Largest number of Newton corrections in a step.
 _MAX_CORRECTIONS = 15
-#: Longest allowed correction: after a longer one Newton's method may converge to another curve.
+#: Longest Newton correction: after a longer one, the iteration may converge to another curve.
 _MAX_CORRECTION_LENGTH = 1.0
 #: Smallest cosine of the angle between the tangents at both ends of a step.
 _MIN_TANGENT_COSINE = 0.95
-#: Smallest singular value of the Jacobian matrix, relative to the largest, with a unique tangent.
+#: The tangent is unique if the ratio of the smallest to the largest singular value exceeds this.
 _SINGULAR_TOLERANCE = 1e-8
-#: Step of finite differences, in scaled units.
+#: Step of the finite differences, in scaled unknowns.
 _DIFFERENCE_STEP = 1e-5
 
 
@@ -47,14 +47,13 @@ class ContinuationFailed(RuntimeError):
     """The corrector does not converge, or the curve has no unique tangent."""
 
 
-def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
-    """Find the intersection of a curve and a plane by Newton's method, from a point of the plane.
+def correct_to_curve(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
+    """Correct a predicted point to a solution curve by Newton's method in a plane.
 
-    The curve is given by n equations for n + 1 unknowns: `problem.evaluate(unknowns)` returns a
-    solution object with the attributes `residuals`, shape (n,), their derivatives `jacobian`, shape
-    (n, n + 1), and `converged`. The plane contains the point `start`, shape (n + 1,), and is normal
-    to the vector `normal` of the same shape. Return (solution object, number of Newton
-    corrections). Raise ContinuationFailed if Newton's method does not converge.
+    The plane passes through the predicted point `start`, shape (n + 1,), and is normal to the
+    vector `normal`. `problem.evaluate(unknowns)` evaluates the n equations of the curve (see the
+    module). Return (solution, number of Newton corrections). Raise ContinuationFailed if the method
+    does not converge.
     """
     unknowns = start
     for count in range(_MAX_CORRECTIONS):
@@ -67,22 +66,22 @@ def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
             residuals = np.append(solution.residuals, normal @ (unknowns - start))
             correction = -np.linalg.solve(jacobian, residuals)
         except ValueError as error:
-            # The unknowns are not valid for the model.
+            # The model does not allow these parameter values.
             raise ContinuationFailed(str(error)) from None
-        # The negated comparison also refuses corrections that are NaN.
+        # `not <` instead of `>=` also rejects NaN.
         if not np.linalg.norm(correction) < _MAX_CORRECTION_LENGTH:
-            raise ContinuationFailed("a correction is too long")
+            raise ContinuationFailed("a Newton correction is too long")
         unknowns = unknowns + correction
-    raise ContinuationFailed("the corrections do not converge")
+    raise ContinuationFailed("Newton's method does not converge")
 
 
-def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Return the unit tangent of a curve, shape (n + 1,), oriented like a vector `direction`.
+def unit_tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the unit tangent of a solution curve, shape (n + 1,).
 
-    `jacobian`, shape (n, n + 1), holds the derivatives of the n equations of the curve by its n + 1
-    unknowns. The tangent spans the null space of this matrix; raise ContinuationFailed if the null
-    space has more than one dimension. Of the two unit tangents, return the one whose scalar product
-    with `direction`, shape (n + 1,), is not negative.
+    `jacobian`, shape (n, n + 1), has the derivatives of the n equations with respect to the n + 1
+    unknowns; the tangent spans its null space. Of the two orientations, return the one with a
+    non-negative scalar product with `direction`. Raise ContinuationFailed if the null space has
+    more than one dimension.
     """
     _, singular_values, right_vectors = np.linalg.svd(jacobian)
     if singular_values[-1] < _SINGULAR_TOLERANCE * singular_values[0]:
@@ -93,36 +92,35 @@ def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return -null_vector
 
 
-def take_step(problem, unknowns, direction, length, goal=None, allow_corner=False) -> tuple:
-    """Take a step along a curve; return (solution, unit tangent there, number of corrections).
+def take_step(problem, unknowns, tangent, length, target=None, allow_corner=False) -> tuple:
+    """Take a predictor-corrector step along a curve; return (solution, unit tangent, corrections).
 
-    `problem` evaluates the equations of the curve, as in `correct`. The step starts at the point
-    `unknowns` of the curve, shape (n + 1,), and has the given `length` along the unit tangent
-    `direction`. If the last unknown, the continuation parameter, would pass the value `goal`, the
-    step ends exactly there, and 0 is returned for the number of Newton corrections. Raise
-    ContinuationFailed if the curve turns by more than a small angle, unless `allow_corner` is set.
+    `problem` evaluates the equations of the curve. The step starts at the point `unknowns`, shape
+    (n + 1,), with the unit tangent `tangent`, and has the arc length `length`. If the last unknown,
+    the continuation parameter, would pass `target`, the step ends exactly there, and the number of
+    Newton corrections is returned as 0. Raise ContinuationFailed if the curve turns by more than a
+    small angle, unless `allow_corner` is true.
     """
-    predicted = unknowns + length * direction
-    if goal is not None and (unknowns[-1] - goal) * (predicted[-1] - goal) < 0.0:
+    predicted = unknowns + length * tangent
+    if target is not None and (unknowns[-1] - target) * (predicted[-1] - target) < 0.0:
         corrections = 0
-        solution = solve_at_value(problem, unknowns, predicted, goal)
+        solution = solve_at_value(problem, unknowns, predicted, target)
         # A solution that is much farther away may lie on another curve.
         if not np.linalg.norm(solution.unknowns - unknowns) < 2.0 * length:
             raise ContinuationFailed("the step is too long")
     else:
-        solution, corrections = correct(problem, predicted, direction)
-    new_direction = tangent(solution.jacobian, direction)
-    if not allow_corner and not new_direction @ direction > _MIN_TANGENT_COSINE:
+        solution, corrections = correct_to_curve(problem, predicted, tangent)
+    new_tangent = unit_tangent(solution.jacobian, tangent)
+    if not allow_corner and not new_tangent @ tangent > _MIN_TANGENT_COSINE:
         raise ContinuationFailed("the curve turns within the step")
-    return solution, new_direction, corrections
+    return solution, new_tangent, corrections
 
 
 def next_step_length(length, corrections, max_easy_corrections, max_length) -> float:
     """Return the length of the next step along a curve.
 
-    After an easy step, with at most `max_easy_corrections` Newton corrections, it is 1.5 times the
-    last `length`, but at most `max_length`; otherwise it is the last length. `corrections` is the
-    number of corrections in the last step.
+    If the last step of length `length` needed at most `max_easy_corrections` Newton corrections,
+    the length is increased by a factor of 1.5, up to `max_length`; otherwise it is kept.
     """
     if corrections <= max_easy_corrections:
         return min(1.5 * length, max_length)
@@ -132,59 +130,60 @@ def next_step_length(length, corrections, max_easy_corrections, max_length) -> f
 def follow_curve(
     step: Callable, points: list, length, min_length, max_points: int, time_limit=None
 ) -> str:
-    """Take steps along a curve until it ends, and return the reason for its end as a string.
+    """Take steps along a curve until it ends; return the reason for its end as a string.
 
-    The caller's function `step(length)` takes a step of this arc length, appends its end to
-    `points`, and returns (length of the next step, reason for the end of the curve or ""). If it
-    raises ContinuationFailed, it is repeated with half the length, as long as that is at least
-    `min_length`. `length` is the length of the first step. The curve also ends when there are
-    `max_points` points, or when the time of `time_limit`, a `Limit` or None, is over.
+    `step(length)` takes a step of this arc length, appends its end to `points`, and returns (length
+    of the next step, reason for the end of the curve or ""). If it raises ContinuationFailed, the
+    step is repeated with half the length, unless that is below `min_length`. The first step has the
+    length `length`. The curve also ends when `points` has `max_points` entries or when
+    `time_limit`, a `Limit` or None, is reached.
     """
-    time_limit = time_limit or Limit(None)
-    steps = iter(lambda: len(points) < max_points, False)  # endless until there are max_points
-    for _ in time_limit.each(with_bar("steps", steps)):
+    time_limit = time_limit or TimeLimit(None)
+    steps = iter(lambda: len(points) < max_points, False)  # ends at `max_points`
+    for _ in time_limit.iterate(with_progress_bar("steps", steps)):
         try:
             length, end_reason = step(length)
         except ContinuationFailed as error:
             length *= 0.5
-            # An empty reason lets the loop go on with the shorter step.
+            # Without a reason the loop continues with the shorter step.
             end_reason = str(error) if length < min_length else ""
         if end_reason:
             return end_reason
     return "after max_points" if time_limit.complete else "after max_seconds"
 
 
-def solve_at_value(problem: Any, first: np.ndarray, second: np.ndarray, value: float) -> Any:
+def solve_at_value(problem: Any, point: np.ndarray, other_point: np.ndarray, value: float) -> Any:
     """Return the solution on a curve at which the last unknown is equal to `value`.
 
-    `problem` evaluates the equations of the curve, as in `correct`. `first` and `second` are the
-    unknowns, shape (n + 1,), at two points on or near the curve; `value` lies between the last
-    unknowns of both. Newton's method starts from the linear interpolation between these points.
+    `problem` evaluates the equations of the curve. `value` lies between the last unknowns of
+    `point` and `other_point`, shape (n + 1,), which are on or near the curve. Newton's method
+    starts from the linear interpolation between them.
     """
-    fraction = (value - first[-1]) / (second[-1] - first[-1])
-    start = first + fraction * (second - first)
+    fraction = (value - point[-1]) / (other_point[-1] - point[-1])
+    start = point + fraction * (other_point - point)
     start[-1] = value
     # In a plane normal to the axis of the last unknown, corrections do not change it.
-    return correct(problem, start, np.eye(first.size)[-1])[0]
+    return correct_to_curve(problem, start, np.eye(point.size)[-1])[0]
 
 
 def difference_quotient(function: Callable, unknowns, index, step=_DIFFERENCE_STEP) -> Any:
-    """Return the finite-difference derivative of `function(unknowns)` by unknown number `index`.
+    """Return the derivative of `function(unknowns)` with respect to the unknown number `index`.
 
-    `unknowns` has shape (n,). The difference is central with the given `step`, or one-sided if the
-    function raises ValueError on one side. The result has the shape of the function value.
+    `unknowns` has shape (n,). The derivative is a central difference with the given `step`, or a
+    one-sided difference if the function raises ValueError on one side. It has the shape of the
+    function value.
     """
-    positions, values = [], []
+    abscissae, values = [], []
     for signed_step in (-step, step):
         shifted = unknowns + signed_step * np.eye(unknowns.size)[index]
         try:
             values.append(function(shifted))
         except ValueError:
-            # The parameter is outside its valid range on this side: use the unshifted point.
+            # The parameter is outside its valid range on this side, so the difference is one-sided.
             shifted = unknowns
             values.append(function(shifted))
-        positions.append(shifted[index])
-    return (values[1] - values[0]) / (positions[1] - positions[0])
+        abscissae.append(shifted[index])
+    return (values[1] - values[0]) / (abscissae[1] - abscissae[0])
 
 
 #: Name -> (CF units, long_name) of the parameters of every gear pair.
@@ -214,9 +213,9 @@ _ATTRIBUTE_NAMES = {"damping": "damping_ratio", "backlash_damping": "backlash_da
 def continuation_parameters(model: Any) -> dict:
     """Return the parameters in which orbits of a model can be continued, with CF attributes.
 
-    The result is {name: {"units": ..., "long_name": ...}}. They are the model's own `parameters`
-    and, for a model of a single pair of gears, whose `model.pair` is a `GearPair`, the
-    `DIMENSIONLESS_PARAMETERS`, such as tuning and damping ratio.
+    The result maps each name to {"units": ..., "long_name": ...}. It has the model's own
+    `parameters` and, for a model with a single gear pair (`model.pair`), the
+    `DIMENSIONLESS_PARAMETERS`.
     """
     parameters = (DIMENSIONLESS_PARAMETERS if model.pair else {}) | model.parameters
     return {
@@ -226,36 +225,35 @@ def continuation_parameters(model: Any) -> dict:
 
 
 def check_parameter(model: Any, name: str) -> str:
-    """Check that orbits of a model can be continued in the parameter `name`, and return the name.
+    """Check that orbits of a model can be continued in the parameter `name`; return the name.
 
     Raise ValueError if the model has no gears or no such parameter.
     """
-    # A model with gears has a `GearPair` in `pair`, or is a train, which has `mesh_names`. Other
-    # models, such as an oscillator, have neither.
+    # Models with gears have a `GearPair` in `pair` or, for trains, `mesh_names`; an oscillator has
+    # neither.
     allowed = "a GearPair, a OneDegreePair, a SixDegreePair or a GearTrain"
     has_gears = is_model(model) and (model.pair or model.mesh_names)
     checks.require(has_gears, "model", type(model).__name__, allowed)
     return checks.check_choice("parameter", name, continuation_parameters(model))
 
 
-def start_and_goal(model: Any, tuning, name: str, goal, owner: str) -> tuple:
-    """Return the values of the parameter `name` at both ends of a continuation, (start, goal).
+def start_and_target(model: Any, tuning, name: str, target, owner: str) -> tuple:
+    """Return the first and the last value of the parameter `name` in a continuation.
 
-    The continuation starts at the present value of the parameter: an attribute of `model`, or
-    `tuning` if the name is "tuning". Raise ValueError if the `goal` is equal to this value or is
-    invalid for the model. The message calls the owner of the present value `owner`, such as "the
-    orbit".
+    The first value is the present one: an attribute of `model`, or `tuning` if the name is
+    "tuning". Raise ValueError if the last value, `target`, is equal to the first one or is invalid
+    for the model. `owner` is what has the present value in the message, such as "the orbit".
     """
     start = value_of(model, tuning, name)
-    checks.require(goal != start, "to", goal, f"different from the {name} of {owner}")
-    with_parameter(model, tuning, name, goal)  # raises ValueError if the goal is invalid
-    return start, goal
+    checks.require(target != start, "to", target, f"different from the {name} of {owner}")
+    with_parameter(model, tuning, name, target)  # raises ValueError if the target is invalid
+    return start, target
 
 
 def value_of(model: Any, tuning: float, name: str) -> float:
     """Return the value of the parameter `name` of a model, or `tuning` for the name "tuning".
 
-    The tuning, mesh frequency over mean natural frequency, is not a part of the model.
+    The tuning, mesh frequency over mean natural frequency, is not an attribute of the model.
     """
     if name == "tuning":
         return float(tuning)
@@ -265,10 +263,10 @@ def value_of(model: Any, tuning: float, name: str) -> float:
 
 
 def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
-    """Return copies (model, tuning) in which the parameter `name` has another value.
+    """Return (model, tuning) with a changed value of the parameter `name`.
 
     The name is a key of `continuation_parameters(model)`. All other dimensionless parameters keep
-    their values; the tuning is mesh frequency over mean natural frequency. Raise ValueError if the
+    their values; the tuning is mesh frequency over mean natural frequency. Raise ValueError if
     `value` is invalid.
     """
     if name == "tuning":
@@ -285,22 +283,22 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
         value = parameters.check(name, value, NonNegative)
     attribute = _ATTRIBUTE_NAMES.get(name, name)
     if attribute in RATIOS:
-        # The pair stores damping and backlash in SI units, which follow from the ratio.
+        # The pair stores damping and backlash in SI units, which are computed from the ratio.
         return model.replace(**ratio_fields(model, attribute, value)), tuning
-    # The other names are contact_ratio and stiffness_ratio. The largest stiffness is adapted, so
-    # that the mean stiffness, to which the tuning and all ratios refer, does not change.
-    changed = model.replace(**{name: value})
-    mean_ratio = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
-    return changed.replace(max_stiffness=model.mean_stiffness / mean_ratio), tuning
+    # The remaining names are contact_ratio and stiffness_ratio. The maximum stiffness is adapted to
+    # keep the mean stiffness, to which the tuning and all ratios refer.
+    changed_model = model.replace(**{name: value})
+    mean_ratio = mean_over_max(changed_model.contact_ratio, changed_model.stiffness_ratio)
+    return changed_model.replace(max_stiffness=model.mean_stiffness / mean_ratio), tuning
 
 
 def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np.ndarray) -> list:
     """Return a list of (model, tuning), one for each value of a dimensionless parameter.
 
-    `values`, shape (k,), are the values of the parameter named `parameter`. If it is "tuning" (mesh
-    frequency over mean natural frequency), the argument `tuning` must be None. Any other parameter
-    requires a `GearPair` as the model, and its `tuning`. Raise ValueError if these rules are broken
-    or a value is invalid.
+    `values`, shape (k,), are the values of the parameter named `parameter`. If this is "tuning"
+    (mesh frequency over mean natural frequency), the argument `tuning` must be None. Any other
+    parameter requires a `GearPair` and a `tuning`. Raise ValueError if an argument is missing or
+    invalid.
     """
     if parameter == "tuning":
         checks.require(tuning is None, "tuning", tuning, "omitted if the tuning is varied")

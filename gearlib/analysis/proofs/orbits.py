@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from gearlib import checks
-from gearlib.analysis.orbits.shooting import check_orbit, codes_without_events
+from gearlib.analysis.orbits.shooting import check_orbit, contact_codes_without_events
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.arc_laws import ArcDynamics
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, identity, precision
@@ -34,7 +34,7 @@ from gearlib.analysis.proofs.signs import check_contacts, extrema
 from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.engines import orbit as columns
 from gearlib.parameters import INTEGER, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Tuning
 
 #: Largest distance between the states of the proven orbit and the candidate, static deflections.
@@ -103,7 +103,7 @@ def certify(orbit, digits: Annotated[int, Ge(10), Le(300), INTEGER] = 30):
 def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GUARD_BITS) -> Any:
     """Prove an orbit and return its certificate with at least `digits` decimal digits.
 
-    `contacts` are (contact codes at tau = 0, contact events), a result of `simulated_contacts`. The
+    `contacts` are (contact states at tau = 0, contact events), a result of `simulated_contacts`. The
     proof starts with the precision of `digits` plus `guard_bits` binary digits, which is doubled if
     the result has too few digits. If contacts nearly coincide, the proof is repeated with more
     guard bits, because enclosing them in common time windows costs digits. Raise `ProofFailed` if
@@ -126,9 +126,9 @@ def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GU
 
 
 def simulated_contacts(orbit: Any) -> tuple[list, list]:
-    """Simulate an orbit; return (contact codes of all meshes at tau = 0, contact events).
+    """Simulate an orbit; return (contact states of all meshes at tau = 0, contact events).
 
-    A contact code is 1 for drive-side contact, 0 for no contact, -1 for coast-side contact. Events
+    A contact state is 1 for drive-side contact, 0 for no contact, -1 for coast-side contact. Events
     are (phase since tau = 0 in rad, index of the mesh, code before, code after). Raise
     `ProofFailed` if the simulated motion does not have the contact pattern of the orbit, or if
     proofs do not support its model.
@@ -146,7 +146,7 @@ def simulated_contacts(orbit: Any) -> tuple[list, list]:
         events.append((phase, mesh, int(row[columns.EVENT_FROM]), int(row[columns.EVENT_TO])))
     summary = record.summary
     lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
-    codes = codes_without_events(lowest, highest, *model.flank_lines)
+    codes = contact_codes_without_events(lowest, highest, *model.flank_lines)
     pattern = pattern_of(codes, events)
     # A mesh with events starts with the code before its first event, which comes last here.
     for _, mesh, before, _ in reversed(events):
@@ -158,7 +158,7 @@ def simulated_contacts(orbit: Any) -> tuple[list, list]:
 
 
 def pattern_of(codes: list, events: list[tuple]) -> tuple:
-    """Return the contact pattern of an orbit, a tuple of contact codes.
+    """Return the contact pattern of an orbit, a tuple of contact states.
 
     A code is 1 for drive-side contact, 0 for no contact, -1 for coast-side contact. `events` are
     (phase, mesh, code before, code after, ...). The pattern has the code before the first event and
@@ -175,7 +175,7 @@ class Proof:
     def __init__(self, orbit, codes: list, events: list[tuple]):
         """Prove that an orbit exists, with its contact events, or raise `ProofFailed`.
 
-        `orbit` is the candidate, an `Orbit`. `codes` are the contact codes of all meshes at tau = 0
+        `orbit` is the candidate, an `Orbit`. `codes` are the contact states of all meshes at tau = 0
         (1 drive side, 0 none, -1 coast side), and `events` the contact events of
         `simulated_contacts`.
         """
@@ -265,7 +265,7 @@ class Proof:
     def contacts(self) -> list[tuple]:
         """Return the proven contact events as tuples (phase, mesh, code before, code after, speed).
 
-        The contact codes are 1 drive side, 0 none, -1 coast side. The speed is the rate of the
+        The contact states are 1 drive side, 0 none, -1 coast side. The speed is the rate of the
         flank distance by the mesh phase tau; phases and speeds are balls (intervals).
         """
         # The other nodes of the path are switches of the stiffness and the end of the orbit.
@@ -368,7 +368,7 @@ def certify_range(orbit, *, to: Tuning, max_seconds: MaxSeconds = None):
     """
     check_orbit(orbit)
     checks.require(to != orbit.tuning, "to", to, "different from the tuning of the orbit")
-    limit = Limit(max_seconds)
+    limit = TimeLimit(max_seconds)
     flint()
     try:
         contacts = simulated_contacts(orbit)
@@ -384,7 +384,7 @@ class _Range:
     def __init__(self, orbit, codes: list, events: list[tuple]):
         """Prove the orbit at the start of the range, or raise `ProofFailed`.
 
-        `codes` are the contact codes of all meshes at tau = 0 (1 drive side, 0 none, -1 coast
+        `codes` are the contact states of all meshes at tau = 0 (1 drive side, 0 none, -1 coast
         side), and `events` the contact events of `simulated_contacts`.
         """
         if ArcDynamics(orbit.model, orbit.tuning).harmonic_columns:
@@ -411,7 +411,7 @@ class _Range:
         events = [(phase, *event[1:]) for phase, event in zip(phases, self.events, strict=True)]
         return Path(self.dynamics, self.codes, events, self.orbit.period, inverse_tuning)
 
-    def prove_up_to(self, to: float, limit: Limit) -> RangeCertificate:
+    def prove_up_to(self, to: float, limit: TimeLimit) -> RangeCertificate:
         """Prove the range up to the tuning `to` and return the certificate.
 
         The range is divided into pieces, intervals of the tuning, which are proven one by one. A
@@ -422,7 +422,7 @@ class _Range:
         tuning, step = start, _FIRST_PIECE * (to - start)
         stability: Any = None
         pieces: list = []
-        for _ in limit.each(with_bar("attempts", itertools.count())):
+        for _ in limit.iterate(with_progress_bar("attempts", itertools.count())):
             if tuning == to:
                 break
             end = tuning + step

@@ -12,7 +12,7 @@ from gearlib.data.result import result
 from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
 from gearlib.parameters import NonNegative, Numbers, Unit, checked
-from gearlib.progress import Limit, with_bar
+from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MaxSeconds, Tuning
 
 #: Parameters that may be varied.
@@ -91,8 +91,8 @@ def tongues(
     of a tongue meet. Equations: `gearlib.analysis.tongues.meissner`.
     """
     checks.require(stop > start, "stop", stop, f"> start = {start!r}")
-    model = checked_model(model)
-    time_limit = Limit(max_seconds)
+    model = linear_contact_model(model)
+    time_limit = TimeLimit(max_seconds)
     missing = []
     if parameter is None:
         checks.require(values is None, "values", values, "omitted if parameter is None")
@@ -105,7 +105,7 @@ def tongues(
         models = [replace_parameter(model, parameter, value) for value in values]
         tongue_lists = [
             find_tongues(changed, start, stop, step)
-            for changed in time_limit.each(with_bar("values", models, len(models)))
+            for changed in time_limit.iterate(with_progress_bar("values", models, len(models)))
         ]
         count = len(tongue_lists)
         values, missing = values[:count], values[count:]
@@ -123,10 +123,10 @@ def tongues(
         start=start,
         stop=stop,
     )
-    return time_limit.mark(dataset, missing)
+    return time_limit.record_missing(dataset, missing)
 
 
-def checked_model(model: Any) -> Any:
+def linear_contact_model(model: Any) -> Any:
     """Check that a model is linear in contact, and return the model whose tongues are computed.
 
     Tongues are intervals of tunings with unstable steady contact. With rectangular stiffness, which
@@ -149,16 +149,19 @@ def checked_model(model: Any) -> Any:
 def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> list:
     """Find the `Tongue`s of a linear model that overlap the tunings from `start` to `stop`.
 
-    A tongue is an interval of tunings (mesh frequency over natural frequency) in which steady
+    A tongue is an interval of tunings (mesh frequency / natural frequency) in which steady
     contact is unstable. For models with several degrees of freedom the tunings are scanned in steps
     of `step`.
     """
     if model.pair is model:  # a `GearPair`
-        equation = meissner.equation_of(model)
-        return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
+        equation = meissner.equation_of_pair(model)
+        return [
+            meissner.find_tongue(equation, n)
+            for n in meissner.orders_in_range(equation, start, stop)
+        ]
     if model.size > 2:
-        return hill_tongues.tongues_of_several_degrees(model, start, stop, step)
-    return hill_tongues.tongues_of_one_degree(model, start, stop)
+        return hill_tongues.find_tongues_of_several_degrees(model, start, stop, step)
+    return hill_tongues.find_tongues_of_one_degree(model, start, stop)
 
 
 def closing_damping(model: Any, tongue: meissner.Tongue) -> float:
@@ -193,7 +196,7 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
         )
     else:
         model = model.replace(**{parameter: value})
-    return hill_tongues.with_damping(model, damping)
+    return hill_tongues.replace_damping(model, damping)
 
 
 def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension: str) -> tuple:
