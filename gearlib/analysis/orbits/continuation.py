@@ -18,7 +18,7 @@ from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits import tracing
 from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, as_orbit, check_orbit, is_stable
 from gearlib.analysis.orbits.special_points import BranchPoint, branch_dataset, branch_point
-from gearlib.data.status import flags_of
+from gearlib.data.status import flag_attributes
 from gearlib.parameters import INTEGER, Count, Finite, Limits, Positive, WholeNumber, checked
 from gearlib.progress import TimeLimit
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
@@ -165,8 +165,8 @@ def _follow_branch(problem, start, target, interval, max_range, max_step, max_po
 
     `problem` is the `Shooting` equation. The branch ends earlier if the parameter leaves the
     `interval` (lowest, highest), the displacement range exceeds `max_range`, there are `max_points`
-    points, or the `Limit` `time_limit` is reached; the last point then has the label "end". The arc
-    length of a step in scaled unknowns is at most `max_step`, and increases in proportion to
+    points, or the `TimeLimit` `time_limit` is reached; the last point then has the label "end". The
+    arc length of a step in scaled unknowns is at most `max_step`, and increases in proportion to
     displacement ranges above _LARGE_RANGE.
     """
     points = [start]
@@ -287,7 +287,7 @@ def _branch_dataset(problem: Shooting, points: list, name: str, target: float) -
     solutions = [point.solution for point in points]
     title = "Branch of periodic orbits of a gear mesh"
     dataset = branch_dataset(title, solutions, data, parameter=name, to=target)
-    dataset["label"].attrs |= flags_of(special.LABELS)
+    dataset["label"].attrs |= flag_attributes(special.LABELS)
     dataset["label"].attrs["long_name"] = "type of special point"
     return dataset.assign_attrs(parameter=name)
 

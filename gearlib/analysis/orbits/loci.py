@@ -70,16 +70,10 @@ class _SpecialPointProblem(Shooting):
         if self.phase is None:
             # Neighbouring orbits may lack turning points at the ends of the record, so the first
             # and the last half mesh period are omitted.
-            inner_indices = indices[
-                np.abs(indices / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2
-            ]
+            inner = indices[np.abs(indices / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2]
             # The drive-side flank line is at 0, the coast-side one at minus the backlash.
-            candidates = itertools.product(
-                inner_indices, (0.0, -self.model.backlash_ratio)
-            )  # (index, line)
-            i, self.flank_line = min(
-                candidates, key=lambda pair: abs(samples[pair[0], 0] - pair[1])
-            )
+            candidates = itertools.product(inner, (0.0, -self.model.backlash_ratio))
+            i, self.flank_line = min(candidates, key=lambda c: abs(samples[c[0], 0] - c[1]))
         else:
             i = indices[np.abs(indices * step - self.phase).argmin()]
         # The quintic Hermite polynomial interpolates displacement, velocity and acceleration of
@@ -108,7 +102,7 @@ class _SpecialPointProblem(Shooting):
         return np.linalg.det(monodromy - multiplier * np.eye(len(monodromy)))
 
     def evaluate(self, unknowns: np.ndarray) -> Evaluation:
-        """Evaluate the shooting equation at scaled unknowns, with the condition as the last equation.
+        """Evaluate the shooting equation and, as the last equation, the condition.
 
         The condition is divided by the norm of its gradient (finite differences). Its residual is
         then a distance in scaled unknowns, like the other residuals.
@@ -227,9 +221,9 @@ def _follow_locus(problem, solutions, target, interval, max_step, max_points, ti
     A locus is a curve of special points, such as folds, in two parameters. `problem` is its
     `_SpecialPointProblem`; its points are appended to the list `solutions`. The last two unknowns
     are the parameters: the locus ends at the value `target` of the second one, where the first one
-    leaves the `interval` (lowest, highest), when it has `max_points` points, or when the `Limit`
-    `time_limit` is reached. `max_step` is the largest arc length of a step in scaled unknowns,
-    which increases in proportion to states above _LARGE_STATE.
+    leaves the `interval` (lowest, highest), when it has `max_points` points, or when the
+    `TimeLimit` `time_limit` is reached. `max_step` is the largest arc length of a step in scaled
+    unknowns, which increases in proportion to states above _LARGE_STATE.
     """
     scaled_target = target / problem.units[-1]
     first_value = solutions[0].unknowns[-1]

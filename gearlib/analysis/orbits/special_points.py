@@ -1,6 +1,6 @@
-"""Points of a branch: fold, period doubling, Neimark-Sacker, grazing, branch point, regular points.
+"""Points of a branch of periodic orbits, and location of its special points.
 
-A special point lies between two neighbouring points of a branch if this quantity changes:
+A special point lies between two neighbouring points of a branch if the following quantity changes:
 
 ================  ====================================================================
 fold              sign of det(M - I), and the parameter changes its direction
@@ -10,12 +10,13 @@ Neimark-Sacker    sign of |mu| - 1 of the largest pair of complex multipliers mu
 grazing           sequence of contact states
 ================  ====================================================================
 
-M is the monodromy matrix (Kuznetsov, Elements of Applied Bifurcation Theory, ch. 10). The point is
-located by Brent's method on the chord between both points, a grazing by bisection. Every iterate is
-corrected to the branch by Newton's method, so that the located point is an orbit to rounding error.
+M is the monodromy matrix (Kuznetsov, Elements of Applied Bifurcation Theory, ch. 10). The special
+point is located by Brent's method on the chord between both points, a grazing by bisection. Each
+iterate is corrected to the branch by Newton's method, so that the located point is an orbit to
+rounding error.
 
-The mesh force is zero on a flank line. M is therefore continuous at a grazing, but past it changes
-with the square root of the distance: the branch has no corner there, but its curvature jumps. Folds
+The mesh force is zero on a flank line. M is therefore continuous at a grazing, but changes with the
+square root of the distance past it: the branch has no corner there, but its curvature jumps. Folds
 and doublings often lie just past a grazing, never exactly at it.
 """
 
@@ -26,9 +27,9 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import brentq
 
-from gearlib.analysis.orbits.shooting import Evaluation, Shooting, codes_without_events
-from gearlib.analysis.orbits.tracing import continuation_parameters, correct, tangent
-from gearlib.data.result import result
+from gearlib.analysis.orbits.shooting import Evaluation, Shooting, contact_codes_without_events
+from gearlib.analysis.orbits.tracing import continuation_parameters, correct_to_curve, unit_tangent
+from gearlib.data.result import make_result
 from gearlib.engines import orbit as columns
 
 #: Names of the labels; a label is the index in this tuple.
@@ -37,14 +38,14 @@ REGULAR, FOLD, DOUBLING, NEIMARK_SACKER, GRAZING, BRANCH_POINT, END = range(len(
 
 #: Tolerance of the position of a special point, relative to the chord.
 _CHORD_TOLERANCE = 1e-14
-#: Distance past a grazing, relative to the chord, at which the continuation restarts: there the
-#: contact states do not depend on rounding errors.
+#: Distance past a grazing, relative to the chord, at which the continuation restarts. It is large
+#: enough for contact states that do not depend on rounding errors.
 _DISTANCE_PAST_GRAZING = 1e-7
-#: Largest difference of the squared modulus from 1 for a complex pair on the unit circle.
+#: Tolerance of the squared modulus of a complex pair of multipliers on the unit circle.
 _CIRCLE_TOLERANCE = 1e-6
-#: Sign changes of smaller test functions of Neimark-Sacker points are rounding errors.
+#: Smaller values of the Neimark-Sacker test function may change sign due to rounding errors.
 _MIN_TEST_VALUE = 1e-9
-#: Phases of simultaneous events of several meshes differ by less than this.
+#: Events of several meshes are simultaneous if their phases differ by less than this.
 _SIMULTANEOUS_TOLERANCE = 1e-9
 _CONTACT_LETTERS = {1: "D", 0: "F", -1: "C"}
 
@@ -68,15 +69,15 @@ class BranchPoint:
 
     @property
     def displacement_range(self) -> float:
-        """Largest minus smallest displacement, static deflections."""
+        """Largest minus smallest displacement, in units of the static deflection."""
         return self.displacement_max - self.displacement_min
 
 
 def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
-    """Return a solution of the shooting equation with one parameter as a `BranchPoint`.
+    """Create the `BranchPoint` of a solution of the shooting equation with one parameter.
 
-    The orbit is simulated over its period for its extrema and contact states. `tangent` is the unit
-    tangent of the branch at the solution. The label is REGULAR (no special point).
+    The orbit is simulated over its period to obtain its extrema and contact states. `tangent` is
+    the unit tangent of the branch at the solution. The label is REGULAR (no special point).
     """
     problem = solution.problem
     model, record = problem.record(solution.unknowns, problem.period)
@@ -90,11 +91,10 @@ def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
 def branch_dataset(title: str, solutions: list, variables: dict, **attributes: Any) -> xr.Dataset:
     """Return solutions of the shooting equation as a dataset with the dimension ``point``.
 
-    `title` is the title of the dataset. `solutions` are `Evaluation`s, whose states, multipliers,
-    residuals and parameters become variables. `variables`, {name: (dims, values) or values}, are
-    added. If one of them has the name of a continued parameter, its values replace those computed
-    from the scaled unknowns, which have rounding errors. `attributes` are added to the attributes
-    of the dataset.
+    `solutions` are `Evaluation`s, whose states, multipliers, residuals and parameters become
+    variables. `variables`, a mapping of names to (dims, values) or values, are added; values under
+    the name of a continued parameter replace the values from the scaled unknowns, which have
+    rounding errors. `title` and `attributes` become attributes of the dataset.
     """
     problem = solutions[0].problem
     multipliers = np.array([solution.multipliers for solution in solutions])
@@ -114,34 +114,34 @@ def branch_dataset(title: str, solutions: list, variables: dict, **attributes: A
         data[name] = "point", variables.pop(name, values), parameters[name]
     attributes |= {"period": problem.period, "tuning": problem.tuning}
     method = "pseudo-arclength on shooting"
-    return result(title, problem.model, data | variables, method=method, **attributes)
+    return make_result(title, problem.model, data | variables, method=method, **attributes)
 
 
 def _contact_sequence(events: np.ndarray, summary: np.ndarray, flank_lines: tuple) -> str:
     """Return the cyclic sequence of contact states of an orbit as a string.
 
     The letters are D for drive-side contact, F for free flight, C for coast-side contact. `events`
-    has a row for each contact event and `summary` the extrema of the motion; both are tables of a
-    `Record`. `flank_lines` are the displacements at which drive- and coast-side contact start. The
-    sequence is shifted cyclically to the alphabetically last one, so that it does not depend on the
-    initial phase. With several meshes each letter has the index of its mesh as a prefix, and
-    simultaneous events are sorted by mesh.
+    has a row for each contact event, and `summary` has the extrema of the motion; both are tables
+    of a `Record`. `flank_lines` are the displacements at which drive-side and coast-side contact
+    start. The sequence starts at the event that makes it the last one in alphabetical order, so
+    that it does not depend on the initial phase. With several meshes each letter is preceded by the
+    index of its mesh, and simultaneous events are sorted by mesh.
     """
     if not len(events):
-        # The whole motion has the contact state of its mean displacement.
-        middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
-        codes = codes_without_events(middle, middle, *flank_lines)
-        return "".join(_CONTACT_LETTERS[code] for code in codes)
+        # The contact state never changes, so the mean displacement determines it.
+        mean = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
+        contact_codes = contact_codes_without_events(mean, mean, *flank_lines)
+        return "".join(_CONTACT_LETTERS[code] for code in contact_codes)
     # Events of several meshes have an additional last column, the index of the mesh.
-    codes, mesh_column = events[:, columns.EVENT_TO], columns.EVENT_COLUMNS
+    contact_codes, mesh_column = events[:, columns.EVENT_TO], columns.EVENT_COLUMNS
     has_several_meshes = events.shape[1] > mesh_column
-    if not has_several_meshes and events[0, columns.EVENT_FROM] != codes[-1]:
-        # The orbit starts on a flank line up to rounding, so that its first event is missing.
-        codes = np.append(codes, events[0, columns.EVENT_FROM])
-    letters = [_CONTACT_LETTERS[int(code)] for code in codes]
+    if not has_several_meshes and events[0, columns.EVENT_FROM] != contact_codes[-1]:
+        # The orbit starts on a flank line within rounding errors, so its first event is missing.
+        contact_codes = np.append(contact_codes, events[0, columns.EVENT_FROM])
+    letters = [_CONTACT_LETTERS[int(code)] for code in contact_codes]
     if has_several_meshes:
         phases = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
-        # Events have the same instant number if the time between them is within the tolerance.
+        # Simultaneous events have the same instant number.
         instants = np.cumsum(np.diff(phases, prepend=phases[0]) > _SIMULTANEOUS_TOLERANCE)
         meshes = events[:, mesh_column].astype(int)
         letters = [f"{meshes[i]}{letters[i]} " for i in np.lexsort((meshes, instants))]
@@ -149,10 +149,10 @@ def _contact_sequence(events: np.ndarray, summary: np.ndarray, flank_lines: tupl
 
 
 def _neimark_sacker_test(multipliers: np.ndarray) -> float:
-    """Return |mu|^2 - 1 for the complex Floquet multiplier mu of largest modulus.
+    """Return |mu|^2 - 1 for the complex Floquet multiplier mu with the largest modulus.
 
-    This test function changes its sign at a Neimark-Sacker point, where a complex pair crosses the
-    unit circle. Return -1 if all multipliers are real.
+    This test function changes sign at a Neimark-Sacker point, where a complex pair crosses the unit
+    circle. Return -1 if all multipliers are real.
     """
     complex_multipliers = multipliers[multipliers.imag > 1e-9]
     if not complex_multipliers.size:
@@ -160,7 +160,7 @@ def _neimark_sacker_test(multipliers: np.ndarray) -> float:
     return np.abs(complex_multipliers).max() ** 2 - 1.0
 
 
-#: Label -> test function of the Floquet multipliers, which changes its sign at the special point.
+#: Label -> test function of the Floquet multipliers, which changes sign at the special point.
 _TEST_FUNCTIONS = {
     FOLD: lambda multipliers: np.prod(multipliers - 1.0).real,
     DOUBLING: lambda multipliers: np.prod(multipliers + 1.0).real,
@@ -169,25 +169,25 @@ _TEST_FUNCTIONS = {
 
 
 def point_on_chord(problem: Shooting, first, last, position: float) -> BranchPoint:
-    """Return the point of a branch next to a position on the chord between two `BranchPoint`s.
+    """Return the branch point in the plane normal to the chord at a position on the chord.
 
-    `problem` is the `Shooting` equation of the branch. The position is 0 at `first` and 1 at
-    `last`; the returned `BranchPoint` lies in the plane normal to the chord. Its tangent is the
-    direction of the chord, because the tangent of the branch may not exist there.
+    The chord connects the `BranchPoint`s `first` and `last` of the branch of the `Shooting`
+    equation `problem`; the position is 0 at `first` and 1 at `last`. The tangent is set to the
+    direction of the chord, because the branch may have no tangent there.
     """
     chord = last.unknowns - first.unknowns
     direction = chord / np.linalg.norm(chord)
-    solution, _ = correct(problem, first.unknowns + position * chord, direction)
+    solution, _ = correct_to_curve(problem, first.unknowns + position * chord, direction)
     return branch_point(solution, direction)
 
 
 def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int) -> tuple | None:
     """Locate the special point with a label between the points `first` and `last` of a branch.
 
-    `problem` is the `Shooting` equation of the branch; the label is FOLD, DOUBLING or
-    NEIMARK_SACKER. Return (position on the chord from 0 to 1, special point), or None if the test
-    function of the label does not change its sign between the points. If the parameter keeps its
-    direction at a fold, the point is labelled BRANCH_POINT instead.
+    `problem` is the `Shooting` equation; the label is FOLD, DOUBLING or NEIMARK_SACKER. Return
+    (position on the chord from 0 to 1, special point), or None if the test function does not change
+    sign between the points. If a multiplier crosses 1 but the parameter does not reverse its
+    direction, the point is labelled BRANCH_POINT instead of FOLD.
     """
     test = _TEST_FUNCTIONS[label]
     end_values = {0.0: test(first.solution.multipliers), 1.0: test(last.solution.multipliers)}
@@ -195,13 +195,13 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
         return None
     smallest_value = min(abs(value) for value in end_values.values())
     if label == NEIMARK_SACKER and smallest_value < _MIN_TEST_VALUE:
-        # The multipliers stay on the unit circle, as without damping.
+        # The multipliers remain on the unit circle, e.g. without damping.
         return None
 
     def test_value(position: float) -> float:
-        """Return the value of the test function at a position on the chord, 0 to 1.
+        """Return the value of the test function at a position from 0 to 1 on the chord.
 
-        The values at both ends are known; between them an orbit on the branch is computed.
+        The values at both ends are known; in between, an orbit of the branch is computed.
         """
         if position in end_values:
             return end_values[position]
@@ -211,10 +211,10 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
     position = brentq(test_value, 0.0, 1.0, xtol=_CHORD_TOLERANCE, rtol=precision)
     point = point_on_chord(problem, first, last, position)
     if label == NEIMARK_SACKER and abs(test(point.solution.multipliers)) > _CIRCLE_TOLERANCE:
-        # The sign changes because the complex pair of multipliers becomes real.
+        # The sign changes only because the complex pair of multipliers becomes real.
         return None
     if label == FOLD and first.tangent[-1] * last.tangent[-1] > 0.0:
-        # A multiplier crosses 1, but the parameter keeps its direction.
+        # A multiplier crosses 1, but the parameter does not reverse its direction.
         label = BRANCH_POINT
     return position, replace(point, label=label)
 
@@ -222,14 +222,14 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
 def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> list:
     """Return the special points between two points of a branch with the same contact states.
 
-    Special points are folds, branch points, period doublings and Neimark-Sacker points. They are
-    `BranchPoint`s, sorted from `first` to `last`; `problem` is the `Shooting` equation. Raise
-    ContinuationFailed if Newton's method does not converge on the chord.
+    They are folds, branch points, period doublings and Neimark-Sacker points, as `BranchPoint`s
+    sorted from `first` to `last`; `problem` is the `Shooting` equation. Raise ContinuationFailed if
+    Newton's method does not converge on the chord.
     """
-    located = [locate(problem, first, last, label) for label in _TEST_FUNCTIONS]
-    positions_and_points = [pair for pair in located if pair is not None]
-    positions_and_points.sort(key=lambda pair: pair[0])
-    return [point for _, point in positions_and_points]
+    results = [locate(problem, first, last, label) for label in _TEST_FUNCTIONS]
+    located_points = [result for result in results if result is not None]
+    located_points.sort(key=lambda position_and_point: position_and_point[0])
+    return [point for _, point in located_points]
 
 
 def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> tuple:
@@ -237,25 +237,27 @@ def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> 
 
     At a grazing the orbit touches a flank, and its sequence of contact states changes. Return
     (`BranchPoint` just before the grazing with the label GRAZING, `BranchPoint` just past it). If
-    the sequence changes more than once, one of these changes is located. `problem` is the
+    the sequence changes more than once, any one of the changes is located. `problem` is the
     `Shooting` equation; positions on the chord are 0 at `first` and 1 at `last`.
     """
-    low, high, before = 0.0, 1.0, first
+    low, high, point_before = 0.0, 1.0, first
     while high - low > _CHORD_TOLERANCE:
-        middle = 0.5 * (low + high)
-        # Two neighbouring floating-point numbers have no number between them.
-        if not low < middle < high:
+        midpoint = 0.5 * (low + high)
+        # There is no floating-point number between two neighbouring ones.
+        if not low < midpoint < high:
             break
-        point = point_on_chord(problem, first, last, middle)
+        point = point_on_chord(problem, first, last, midpoint)
         if point.contacts == first.contacts:
-            low, before = middle, point
+            low, point_before = midpoint, point
         else:
-            high = middle
-    if before is first:
-        # The first point itself touches the flank line; it is added again with the label.
-        before = point_on_chord(problem, first, last, low)
-    past = last
+            high = midpoint
+    if point_before is first:
+        # The orbit touches the flank line at the first point, which is added again with the label.
+        point_before = point_on_chord(problem, first, last, low)
+    point_past = last
     if high + _DISTANCE_PAST_GRAZING < 1.0:
-        past = point_on_chord(problem, first, last, high + _DISTANCE_PAST_GRAZING)
-        past = replace(past, tangent=tangent(past.solution.jacobian, past.tangent))
-    return replace(before, label=GRAZING), past
+        point_past = point_on_chord(problem, first, last, high + _DISTANCE_PAST_GRAZING)
+        point_past = replace(
+            point_past, tangent=unit_tangent(point_past.solution.jacobian, point_past.tangent)
+        )
+    return replace(point_before, label=GRAZING), point_past

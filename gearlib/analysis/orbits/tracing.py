@@ -136,7 +136,7 @@ def follow_curve(
     of the next step, reason for the end of the curve or ""). If it raises ContinuationFailed, the
     step is repeated with half the length, unless that is below `min_length`. The first step has the
     length `length`. The curve also ends when `points` has `max_points` entries or when
-    `time_limit`, a `Limit` or None, is reached.
+    `time_limit`, a `TimeLimit` or None, is reached.
     """
     time_limit = time_limit or TimeLimit(None)
     steps = iter(lambda: len(points) < max_points, False)  # ends at `max_points`
