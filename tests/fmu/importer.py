@@ -42,7 +42,9 @@ class Instance:
         # The flags are visible, loggingOn, eventModeUsed and earlyReturnAllowed.
         flags = c_bool(False), c_bool(False), c_bool(event_mode), c_bool(event_mode)
         self.instance = c_void_p(
-            instantiate(b"test", token, None, *flags, None, c_size_t(0), None, self.log_message, None)
+            instantiate(
+                b"test", token, None, *flags, None, c_size_t(0), None, self.log_message, None
+            )
         )
         assert self.instance.value
 
@@ -57,7 +59,12 @@ class Instance:
         has_stop_time, stop_time = c_bool(False), c_double(0.0)
         start_time = c_double(self.time)
         self.call(
-            "EnterInitializationMode", has_tolerance, tolerance, start_time, has_stop_time, stop_time
+            "EnterInitializationMode",
+            has_tolerance,
+            tolerance,
+            start_time,
+            has_stop_time,
+            stop_time,
         )
         self.set(values)
         self.call("ExitInitializationMode")
@@ -95,7 +102,7 @@ class Instance:
         return self.get(*(f"{kind}.{name}" for kind in "qv" for name in names))
 
     def step(self, end: float) -> tuple[bool, bool]:
-        """Advance to the time `end`, s; return whether an event occurred and the step ended early."""
+        """Advance to a time; return whether an event occurred and whether the step ended early."""
         needs_event_handling, terminate, returned_early = c_bool(), c_bool(), c_bool()
         last_time, can_discard_earlier_states = c_double(), c_bool(True)
         self.call(
