@@ -1,10 +1,10 @@
-"""The typed model of ``config.yaml``: every key, its meaning, its allowed range, its default.
+"""The typed model of ``config.yaml``: every key with its meaning, allowed range and default.
 
-`types` defines numbers, names and lists, `configuration` joins the sections, `validation` writes
-error messages, `defaults` derives defaults from the gears. ``gear_pair`` (or ``gears`` instead) and
-``dampings`` have no defaults. The JSON schema for editors is made from the model.
+`types` defines numbers, names and lists, `configuration` combines the sections, `validation` writes
+error messages, `defaults` derives default values from the gears. ``gear_pair`` (or ``gears``
+instead) and ``dampings`` have no defaults. The JSON schema for editors is generated from the model.
 
-This package does not import the numerical stack, because each start of the workflow loads it.
+This package does not import the numerical packages, because the workflow loads it at every start.
 """
 
 import json
@@ -13,26 +13,25 @@ from typing import Any
 
 from gearlib.config import validation
 
-#: Damping coefficient -> keys that may replace it.
+#: Damping coefficient -> keys that can be given instead.
 RATIO_KEYS = {
     "material_damping": ("damping_ratio", "logarithmic_decrement"),
     "backlash_damping": ("backlash_damping_ratio",),
 }
-#: Sets of keys that exclude each other within a section.
+#: Sets of mutually exclusive keys of a section.
 _ALTERNATIVES = [{"gears", "gear_pair"}, *({key, *keys} for key, keys in RATIO_KEYS.items())]
 
 
 class ConfigError(ValueError):
-    """The configuration is refused; the message has one sentence per problem."""
+    """Error for an invalid configuration; the message has one line per problem."""
 
 
 def load(mapping: dict) -> Any:
-    """Return the validated `Config` for the content of a YAML file, or raise ConfigError.
+    """Validate the content of a YAML file and return it as a `Config` with all defaults.
 
-    `mapping` is the content of the file as a dict, to which defaults are added here. The message of
-    the error has one line per problem.
+    Raise `ConfigError` if the content is invalid; the message has one line per problem.
     """
-    # These modules are imported here, not above, so that `gearlib --help` starts quickly.
+    # These modules are imported here, not above, to keep `gearlib --help` fast.
     from pydantic import ValidationError
 
     from gearlib.config import defaults
@@ -42,8 +41,8 @@ def load(mapping: dict) -> Any:
         mapping = _add_unused_pair(mapping)
     if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
         raise ConfigError(
-            "gears and gear_pair are not allowed together: it must be either the geometry of the "
-            "gears or the numbers of their mesh"
+            "gears and gear_pair are not allowed together: give either the geometry of the gears or "
+            "the parameters of the gear pair"
         )
     try:
         completed, context = defaults.add_defaults(mapping)
@@ -54,11 +53,11 @@ def load(mapping: dict) -> Any:
 
 
 def _add_unused_pair(mapping: dict) -> dict:
-    """Return a configuration that has a gearbox, with a gear pair added if it has none.
+    """Add a gear pair to the configuration of a gearbox if it has none, and return it.
 
-    `mapping` is the content of a YAML file. The added pair (the gear pair of the paper) and its
-    zero damping only make the configuration valid, because the model requires a pair. The only
-    default target, the gearbox, does not use them. Keys of `mapping` take precedence.
+    The configuration requires a gear pair and a damping, but the gearbox, which becomes the only
+    default target, does not use them. The gear pair of the paper and zero damping are added. Keys
+    of `mapping`, the content of the YAML file, take precedence.
     """
     from gearlib.config.targets import NOT_GIVEN
     from gearlib.models.pair_parameters import PAPER
@@ -71,9 +70,9 @@ def _add_unused_pair(mapping: dict) -> dict:
 
 
 def unknown_section_messages(mapping: dict) -> list[str]:
-    """Return an error message for each top-level key of `mapping` that is not allowed.
+    """Return an error message for each unknown top-level key of a YAML file.
 
-    `mapping` is the content of a YAML file. Allowed keys are the fields of the class `Config`.
+    `mapping` is the content of the file. The known keys are the fields of the class `Config`.
     """
     from gearlib.config.configuration import Config
 
@@ -84,18 +83,18 @@ def unknown_section_messages(mapping: dict) -> list[str]:
 
 
 def overlay(base: dict, changes: dict) -> dict:
-    """Return a copy of the configuration `base` updated with `changes`, section by section.
+    """Return a copy of the configuration `base`, recursively updated with `changes`.
 
-    Both are nested dicts as in a YAML file. A key of `changes` also removes those keys of `base`
-    that would set the same quantity in another way, as listed in `_ALTERNATIVES`: `gears` removes
-    `gear_pair`, for example, and `damping_ratio` removes `material_damping`.
+    Both are nested dicts, as in a YAML file. A key of `changes` also removes the keys of `base`
+    that are mutually exclusive with it (see `_ALTERNATIVES`). E.g. `gears` removes `gear_pair`, and
+    `damping_ratio` removes `material_damping`.
     """
-    alternatives = set()
-    for group in _ALTERNATIVES:
-        if group & changes.keys():
-            alternatives |= group
+    replaced_keys = set()
+    for alternatives in _ALTERNATIVES:
+        if alternatives & changes.keys():
+            replaced_keys |= alternatives
     merged = {
-        key: value for key, value in base.items() if key in changes or key not in alternatives
+        key: value for key, value in base.items() if key in changes or key not in replaced_keys
     }
     for key, value in changes.items():
         is_section = isinstance(value, dict) and isinstance(base.get(key), dict)
@@ -104,13 +103,14 @@ def overlay(base: dict, changes: dict) -> dict:
 
 
 def overlay_gears(base: dict, changes: dict) -> dict:
-    """Return the configuration `base` updated with `changes`, without keys that no longer fit.
+    """Return `base` updated with `changes`, without sections that do not suit the new gears.
 
-    Both are nested dicts as in a YAML file. If `changes` has gears given by geometry or a gearbox,
-    and `base` has a `gear_pair`, nothing of `base` is kept, because its damping values, bearings
-    and scenes (figures of a few chosen runs) belong to that pair. If `changes` has another
-    `gear_pair`, the scenes of `base` are removed. If `changes` has a gear train but neither gears
-    nor targets, the targets become those of gear trains.
+    Both are nested dicts, as in a YAML file.
+
+    - If gears given by geometry or a gearbox replace a `gear_pair`, nothing of `base` is kept,
+      because its dampings, bearings and scenes (figures of selected runs) belong to that pair.
+    - If another `gear_pair` is given, the scenes are removed.
+    - If a gear train is given without gears or targets, the targets of gear trains are used.
     """
     from gearlib.config import gear_names
     from gearlib.config.targets import TRAIN_TARGETS
@@ -126,11 +126,11 @@ def overlay_gears(base: dict, changes: dict) -> dict:
 
 @cache
 def schema() -> dict:
-    """Return the JSON schema of the configuration, which editors use to check a file.
+    """Return the JSON schema of the configuration, with which editors check a file.
 
-    pydantic makes the schema from the class `Config`. In this class `gear_pair` is required,
-    because a pair is derived from the section `gears` before the validation if a file has that
-    section. The schema says instead that a file must have exactly one of the two.
+    pydantic generates the schema from the class `Config`, in which `gear_pair` is required: if a
+    file has the section `gears` instead, the pair is derived before the validation. The returned
+    schema requires exactly one of the two sections.
     """
     from gearlib.config.configuration import Config
 
@@ -142,10 +142,10 @@ def schema() -> dict:
 
 
 def _drop_null_defaults(node: object) -> None:
-    """Remove each default null from a node of a JSON schema and from all nodes below it.
+    """Recursively remove the default null from a node of a JSON schema.
 
-    In the model None only means that a key is left out. A schema that states null as the default
-    would suggest that a user may write it, which is not allowed.
+    In the model, None means that a key is omitted. In a file, null is not allowed as a value, so
+    the schema must not suggest it.
     """
     if isinstance(node, dict):
         if "default" in node and node["default"] is None:
@@ -155,5 +155,5 @@ def _drop_null_defaults(node: object) -> None:
 
 
 def schema_text() -> str:
-    """Return the JSON schema of configuration files as text."""
+    """Return the JSON schema of configuration files as a JSON string."""
     return json.dumps(schema(), indent=2) + "\n"

@@ -1,4 +1,4 @@
-"""The whole configuration: its sections, and checks of values that must agree between them."""
+"""The whole configuration: its sections, and checks that their values are compatible."""
 
 from typing import Any, Literal, get_args
 
@@ -38,35 +38,47 @@ Target = Literal[
     *("measured", "tolerances", "gearbox"),
 ]
 TARGETS = get_args(Target)
-#: Largest numbers of samples of all phase planes and of runs of all resonance sweeps.
+#: Largest number of samples of all phase planes, and of runs of all resonance sweeps.
 MAX_SAMPLES, MAX_RUNS = 40_000_000, 10_000_000
-_Path = t.text("a path of a YAML file", pattern=r"\.ya?ml$")
+_Path = t.text("the path of a YAML file", pattern=r"\.ya?ml$")
+
+
+def _check_count(key: str, value: Any, fault: str, count: float, max_count: int, unit: str) -> None:
+    """Raise an error if the value of `key` leads to a `count` above `max_count`.
+
+    `unit` says what is counted, e.g. "runs"; `fault` is "small" if a larger value lowers the count,
+    else "large".
+    """
+    if count > max_count:
+        limit = f"{count:,.0f} {unit}, but at most {max_count:,} are allowed"
+        raise checks.InputError(key, problem=f"= {value!r} is too {fault}: it leads to {limit}")
 
 
 class Config(Section):
     """The configuration of the workflow."""
 
-    # Each section is described by its own docstring.
+    # The docstring of each section class is its description.
     targets: Distinct[Target] = field(
         "Targets that `snakemake` computes and draws by default. Fig. 3 shows labels, branches and "
-        "tongues if labels, branches and parametric_resonance are among them.",
+        "tongues if labels, branches and parametric_resonance are among the targets.",
         [name for name in TARGETS if name not in targets.ONLY_IF_NAMED],
     )
     measured: list[_Path] = field(
-        "YAML files of measured data sets, drawn over Fig. 3 and time histories, and scored.", []
+        "YAML files that describe measured data sets, which are compared with the model.", []
     )
     # If `gears` is given, `gear_pair` is derived from it, and only `gear_pair` is dumped.
     gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
     profile: Profile = field(
-        "Mesh stiffness over the phase, scaled to the mean of gear_pair. Default: its rectangle.",
+        "Mesh stiffness over the phase, scaled to the mean stiffness of gear_pair. Default: the "
+        "rectangle of gear_pair.",
         None,
     )
     dampings: dict[Name, Damping] = Field(min_length=1, description="Damping combinations by name.")
     run: Run = SECTION
     six_degrees: SixDegrees = SECTION
     train: Train = SECTION
-    scenes: dict[Name, e.Scene] = Field(default={}, description="Scenes by name, one figure each.")
+    scenes: dict[Name, e.Scene] = Field(default={}, description="Scenes by name; each is a figure.")
     figures: e.Figures = SECTION
     phase_lag: e.PhaseLag = SECTION
     resonance: e.Resonance = SECTION
@@ -93,73 +105,67 @@ class Config(Section):
     harris_map: HarrisMap = SECTION
     dynamic_factor: DynamicFactor = SECTION
     tolerances: Tolerances = SECTION
-    gearbox: GearboxSection = field("A gearbox in a REXS file, the target of this name.", None)
+    gearbox: GearboxSection = field("A gearbox in a REXS file, for the target gearbox.", None)
 
     @model_validator(mode="after")
     def _check(self) -> "Config":
-        """Raise ValueError if values in different sections are not compatible.
-
-        pydantic calls this method when all sections have been read. It returns the configuration
-        itself.
-        """
+        """Raise ValueError if values in different sections are not compatible; return `self`."""
         for name, scene in self.scenes.items():
             config_key, periods_shown = f"scenes.{name}.periods_shown", scene.periods_shown
             allowed = f"an integer from 1 to the {self.record_periods} recorded mesh periods"
             checks.require(periods_shown <= self.record_periods, config_key, periods_shown, allowed)
-        # The phase of a harmonic can be measured with about eight samples in each of its periods.
+        # About eight samples per period of a harmonic are needed to measure its phase.
         max_harmonics = self.run.samples_per_period // 8
         allowed = f"an integer from 1 to run.samples_per_period / 8 = {max_harmonics}"
         harmonics = self.phase_lag.harmonics
         checks.require(harmonics <= max_harmonics, "phase_lag.harmonics", harmonics, allowed)
         self._check_sizes()
         if self.profile and self.gears:
-            allowed = "left out where gears are given: their stiffness is that of their teeth"
+            allowed = "omitted if gears are given, whose stiffness is computed from the geometry"
             raise checks.InputError("profile", self.profile.kind, allowed)
-        measured_description.read_sets(self.measured)  # This call only raises errors.
+        measured_description.read_sets(self.measured)  # called only to raise errors
         # The workflow, which computes the targets, calls `target_errors` itself. If the gears are
-        # given by geometry, its errors are raised here as well, so that all commands report them.
+        # given by geometry, the errors are also raised here, so that all commands report them.
         messages = self.target_errors() if self.gears else []
         if messages:
             raise ValueError("\n".join(messages))
         return self
 
     def _check_sizes(self) -> None:
-        """Raise ValueError if a step or a list would cause an unreasonable amount of work.
+        """Raise ValueError if the resonance sweeps or the phase planes are too expensive.
 
-        Limited are the runs and the jobs of the resonance sweep, and the jobs and samples of all
-        phase planes. A tuning is a mesh frequency over the natural frequency; a job is one process
-        of the workflow, and in the sweep it computes one window, a part of the range of tunings.
+        The numbers of runs, samples and jobs are limited. A job is one process of the workflow: in
+        the resonance sweep it computes one window of tunings (mesh frequency over natural
+        frequency), otherwise one phase plane.
         """
         damping_count, resonance, run = len(self.dampings), self.resonance, self.run
         tuning_range = resonance.stop - resonance.start
-        runs = damping_count * len(resonance.directions) * tuning_range / resonance.step
-        allowed = f"large enough for at most {MAX_RUNS:,} runs, not {runs:,.0f}"
-        checks.require(runs <= MAX_RUNS, "resonance.step", resonance.step, allowed)
-        windows = damping_count * tuning_range / resonance.window
-        allowed = f"large enough for at most {MAX_JOBS:,} jobs, not {windows:,.0f}"
-        checks.require(windows <= MAX_JOBS, "resonance.window", resonance.window, allowed)
-        plane_count = damping_count * len(self.phase_planes.tunings)
+        run_count = damping_count * len(resonance.directions) * tuning_range / resonance.step
+        _check_count("resonance.step", resonance.step, "small", run_count, MAX_RUNS, "runs")
+        window_count = damping_count * tuning_range / resonance.window
+        _check_count("resonance.window", resonance.window, "small", window_count, MAX_JOBS, "jobs")
+        tuning_count = len(self.phase_planes.tunings)
+        plane_count = damping_count * tuning_count
         if plane_count > MAX_JOBS:
             raise ValueError(
-                f"phase_planes.tunings has {plane_count // damping_count:,} entries: there must be "
-                f"from 1 to {MAX_JOBS // damping_count:,} to stay within {MAX_JOBS:,} jobs"
+                f"phase_planes.tunings has {tuning_count:,} entries, but at most "
+                f"{MAX_JOBS // damping_count:,} are allowed: each is a job for each damping"
             )
-        count = plane_count * self.record_periods * run.samples_per_period
-        allowed = f"small enough for at most {MAX_SAMPLES:,} samples of phase planes, not {count:,}"
-        key, samples_per_period = "run.samples_per_period", run.samples_per_period
-        checks.require(count <= MAX_SAMPLES, key, samples_per_period, allowed)
+        samples = run.samples_per_period
+        sample_count = plane_count * self.record_periods * samples
+        unit = "samples of phase planes"
+        _check_count("run.samples_per_period", samples, "large", sample_count, MAX_SAMPLES, unit)
 
     def target_errors(self) -> list[str]:
         """Return an error message for each reason why requested targets cannot be computed.
 
-        A target is a result that the workflow computes, such as "resonance". A message names all
-        targets that are excluded for the same reason. If the file does not have the key `targets`,
-        the default targets that do not fit are skipped silently, and only tolerances stated by the
-        user are checked.
+        A target is a result that the workflow computes, e.g. "resonance". Each message names all
+        targets excluded for the same reason. If the file lacks the key `targets`, default targets
+        that cannot be computed are skipped silently, but tolerances given by the user are checked.
         """
         target_names = self.targets
         if "targets" not in self.model_fields_set:
-            # A user who states tolerances expects them to be computed, so that they are checked.
+            # A user who gives tolerances expects them to be used, so they must be valid.
             default_parameters = type(self.tolerances).model_fields["parameters"].default
             tolerances = self.tolerances.model_dump(include={"parameters", "correlations"})
             is_default = tolerances == {"parameters": default_parameters, "correlations": []}
@@ -172,21 +178,20 @@ class Config(Section):
         return [targets.append_target_names(*item) for item in targets_by_reason.items()]
 
     def train_damping_errors(self) -> list[str]:
-        """Return a list with an error message if the train lacks a mesh damping that targets need.
+        """Return a list with one error message if a mesh of the train lacks a required damping.
 
-        Otherwise the list is empty. The targets are those to be computed for gear trains, such as
-        the sweep over speed, and the damping is that of the first mesh without one.
+        The list is empty if all meshes have a damping, or if no target of gear trains, such as the
+        sweep over speed, is to be computed.
         """
         names = [name for name in self.computed_targets() if name in targets.TRAIN_TARGETS]
         reason = targets.mesh_damping_error(self)
         return [targets.append_target_names(reason, names)] if reason and names else []
 
     def computed_targets(self) -> list[str]:
-        """Return the names of the targets to compute, without targets that do not fit the gears.
+        """Return the names of the targets to compute, without those that the gears do not allow.
 
-        The sweep of a gear train over speed is added to the default targets if the train is not the
-        default one, and the comparison with measured data is added if the configuration names such
-        data.
+        If the user has described a train, its sweep over speed is added to the default targets. If
+        the configuration lists measured data, the comparison with them is added.
         """
         names = list(self.targets)
         if "targets" not in self.model_fields_set and targets.has_custom_train(self):
@@ -197,16 +202,16 @@ class Config(Section):
 
     @property
     def periods(self) -> int:
-        """Mesh periods of each run."""
+        """Number of mesh periods of each run."""
         return self.run.revolutions * self.gear_pair.teeth
 
     @property
     def record_periods(self) -> int:
-        """Recorded mesh periods at the end of each run."""
+        """Number of mesh periods that are recorded at the end of each run."""
         return self.run.recorded_revolutions * self.gear_pair.teeth
 
     def pair(self, damping: str | Damping | None = None, change: Any = None) -> dict:
-        """Return a dict that describes the gear pair with one of its damping combinations.
+        """Return a dict that describes the gear pair with one damping combination.
 
         It has the key "model", which is "pair", and the arguments from which `from_values.build_model`
         builds the model. `damping` is a section with damping coefficients or the name of one in the
@@ -224,13 +229,16 @@ class Config(Section):
         return description
 
     def model_description(self, damping: str, kind: str = "", pitch_errors: bool = False) -> dict:
-        """Return a dict that describes a model of the gears with the named damping.
+        """Return a dict that describes a model of the gears with the damping named `damping`.
 
-        `kind` is the model: "teeth" (each pair of teeth deforms by itself), "rectangle" (a mesh
-        stiffness that alternates between two values), "six_degrees" (gears on elastic bearings) or
-        "train" (the gear train). The default, "", means "teeth" if the gears are given by geometry,
-        else "rectangle". `pitch_errors` says whether the model "teeth" includes the pitch errors of
-        the gears.
+        `kind` is the kind of model:
+
+        - "teeth": each tooth pair has its own stiffness; default for gears given by geometry;
+        - "rectangle": the mesh stiffness alternates between two values; default for other gears;
+        - "six_degrees": gears on elastic bearings;
+        - "train": the gear train.
+
+        If `pitch_errors` is true, the model "teeth" includes the pitch errors of the gears.
         """
         kind = kind or ("teeth" if self.gears else "rectangle")
         if kind == "teeth":
@@ -249,8 +257,7 @@ class Config(Section):
     def six_degree_parameters(self) -> dict:
         """Return the arguments of `gearlib.SixDegreePair` except `pair`, as a dict.
 
-        If the gears are given by geometry, their numbers of teeth are added to the section
-        `six_degrees`.
+        They are the section `six_degrees` and, for gears given by geometry, the numbers of teeth.
         """
         arguments = self.six_degrees.model_dump()
         if self.gears:
@@ -261,10 +268,10 @@ class Config(Section):
     def candidate_models(self, scene: Any) -> list[str]:
         """Return the names of the models that can compute all time histories of a scene.
 
-        A scene is a section for a figure of a few runs; its `courses` are the names of the time
-        histories. The model with the fewest degrees of freedom comes first. "pair" has no bearing
-        forces, and "six_degrees_plain" is the model "six_degrees" without run-out and friction. If
-        the scene names a model, this is the only one.
+        `scene` is the section of a figure with a few runs; its `courses` are the names of the time
+        histories. If the scene specifies a model, only this model is returned. Otherwise the
+        simplest model comes first: "pair" has no bearing forces, and "six_degrees_plain" has
+        neither run-out nor friction.
         """
         if scene.model != "smallest":
             return [scene.model]
@@ -276,15 +283,14 @@ class Config(Section):
     def tolerance_distributions(self) -> dict:
         """Return the section `tolerances` as a dict of distributions for `gearlib.scatter`.
 
-        The nominal values of the parameters are taken from the gear pair and, if the tolerances
-        concern the geometry of the gears, from the geometry. Raise ValueError if a tolerance is not
-        valid for them.
+        Nominal values are taken from the gear pair or, if the tolerances apply to the geometry of
+        the gears, from the geometry. Raise ValueError if a tolerance is invalid for these values.
         """
         coefficients = self.dampings[self.tolerances.damping].model_dump()
         parameters = self.gear_pair.model_dump() | coefficients
         pair = PairParameters(**parameters)
-        # Tolerances may also be stated for ratios, such as the damping ratio, which follow from the
-        # parameters.
+        # Tolerances may also be given for ratios, such as the damping ratio, which are computed
+        # from the parameters.
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}
         if self.tolerances.apply_to_geometry():
             stage = self.gears.geometry_dict()

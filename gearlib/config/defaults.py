@@ -1,6 +1,6 @@
-"""Defaults that depend on the gears: values with a dimension, and names of dampings.
+"""Default values that depend on the gears: dimensional quantities and names of dampings.
 
-All other defaults are in the fields of the sections.
+All other defaults are defined in the fields of the sections.
 """
 
 import math
@@ -18,27 +18,27 @@ from gearlib.config.gear_pair_section import Damping, GearPairSection
 from gearlib.config.gears_section import Gears
 from gearlib.config.types import Name, tuning_per_rpm
 
-#: Replacements for an invalid gear pair or dampings, so that only these cause error messages.
+#: Replacements for an invalid gear pair or invalid dampings, to avoid subsequent errors.
 _VALID_PAIR = GearPairSection(**dict.fromkeys(GearPairSection.model_fields, 1.0) | {"teeth": 1})
 _VALID_DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
 _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
-#: Damping ratio of studies that need damping, if the configuration has none.
+#: Damping ratio for studies that require damping if the configuration has none.
 _DAMPING_RATIO = 0.05
-#: Largest number of panels of one figure, see `Basins` and `Poincare`, and length of a title.
+#: Largest number of panels of a figure (see `Basins` and `Poincare`); largest length of a title.
 _MAX_PANELS, _MAX_TITLE_LENGTH = 12, 60
-#: Tunings of the panels, and mesh periods before a Poincare section.
+#: Tunings of the panels; number of mesh periods before a Poincare section.
 _BASINS_TUNING, _POINCARE_TUNING, _SETTLING_PERIODS = 0.72, 0.66, 300
-#: Keys of the bodies of the gears. They have no defaults if one of them is given.
+#: Keys of the gear bodies. If one of them is given, the others have no defaults.
 _BODY_KEYS = ("base_radii", "inertias", "masses")
 
 
 def add_defaults(mapping: object) -> tuple[object, dict]:
-    """Return the content of a YAML file with defaults added, and the context of its validation.
+    """Return the content of a YAML file with defaults added, and the validation context.
 
     `mapping` is the content; if it is not a dict, it is returned unchanged with an empty context.
-    The context is a dict of values that pydantic passes to the validators of all sections: `pair`
-    and `dampings` are the validated sections, None if invalid; `by_geometry` says whether the gears
-    are given by their geometry, in the section `gears`.
+    The context is a dict that pydantic passes to the validators of all sections: `pair` and
+    `dampings` are the validated sections or None if invalid; `by_geometry` is true if the gears are
+    given by geometry, in the section `gears`.
     """
     if not isinstance(mapping, dict):
         return mapping, {}
@@ -49,12 +49,12 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
     if gears:
         defaults["resonance"] = _resonance_range(mapping.get("resonance"), pair, gears.speed)
         defaults["six_degrees"] = gears.six_degrees()
-        # The test problem "six_degrees" needs bearings, which the section `gears` does not have.
+        # The test problem "six_degrees" requires bearings, which `gears` does not define.
         if "bearing_stiffness" not in six_degrees:
             other_problems = [name for name in get_args(Problem) if name != "six_degrees"]
             defaults["work_precision"]["problems"] = other_problems
     elif isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODY_KEYS):
-        # Default values of the other bodies and bearings would not fit those that the user gives.
+        # Default values of the other bodies and bearings would not suit those given by the user.
         for key in (*_BODY_KEYS, "bearing_stiffness"):
             del defaults["six_degrees"][key]
     completed = overlay(defaults, mapping)
@@ -67,11 +67,11 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
 
 
 def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | None]:
-    """Return the sections (gear pair, gears, dampings) of a configuration, None where invalid.
+    """Return the sections (gear pair, gears, dampings) of a configuration, None if invalid.
 
-    `mapping` is the content of a YAML file. If the gears are given by geometry, in the section
-    `gears`, the gear pair is derived from it; otherwise `gears` is None. Errors are not reported
-    here, because the validation of the whole configuration reports them.
+    `mapping` is the content of a YAML file. If it has the section `gears`, the gear pair is derived
+    from this section; otherwise the returned `gears` is None. Errors are ignored here, because the
+    validation of the whole configuration reports them.
     """
     pair, gears = None, None
     try:
@@ -87,24 +87,24 @@ def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | 
 
 
 def _resonance_range(resonance: Any, pair: Any, speed: float | None) -> dict[str, float]:
-    """Return the default range of the resonance sweep for gears given by geometry.
+    """Return the default range of tunings of the resonance sweep for gears given by geometry.
 
-    The range covers the tunings (mesh frequency over natural frequency) from 0.5 to 1.4. It is
-    extended by whole steps to the operating `speed` of the gears, rpm, unless this is None; `pair`
-    converts it to a tuning. The dict has the keys `start`, `stop` and `lowest`: from `start` the
-    downward sweep goes on until the motion jumps, but not below `lowest`. The dict is empty if
-    `resonance`, the section of the user, already has a start or stop, or an invalid step.
+    The tuning is the mesh frequency divided by the natural frequency. The range is from 0.5 to 1.4.
+    If the operating `speed` (rpm) is given and lies outside, the range is extended to it by whole
+    steps. The dict has the keys `start`, `stop` and `lowest`: below `start` the downward sweep
+    continues until the motion jumps, at most down to `lowest`. The dict is empty if `resonance`,
+    the section in the file, already has a start or stop, or an invalid step.
     """
     section = resonance if isinstance(resonance, dict) else {}
     step = section.get("step", Resonance.model_fields["step"].default)
     if {"start", "stop"} & section.keys() or not isinstance(step, (int, float)) or not step > 0.0:
         return {}
     start, stop = Decimal("0.5"), Decimal("1.4")
-    # A tuning above 100 is not allowed. Such a speed must be a mistake and extends no range.
+    # A tuning above 100 is not allowed; such a speed must be a mistake and is ignored.
     if speed is not None and speed * tuning_per_rpm(pair) <= 100.0:
         tuning, step = Decimal(speed * tuning_per_rpm(pair)), Decimal(repr(step))
         steps_below, steps_above = (start - tuning) / step, (tuning - stop) / step
-        # The second limit keeps the first tuning above 0.
+        # The second argument of `min` keeps the first tuning above 0.
         start -= step * max(0, min(math.ceil(steps_below), math.ceil(start / step) - 1))
         stop += step * max(0, math.ceil(steps_above))
     return {"start": float(start), "stop": float(stop), "lowest": float(start) / 5.0}
@@ -113,10 +113,10 @@ def _resonance_range(resonance: Any, pair: Any, speed: float | None) -> dict[str
 def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[str, dict]:
     """Return the defaults that depend on the gears, as a dict: section -> key -> default value.
 
-    Lengths are scaled by the static deflection or the backlash of the pair, and damping values are
+    Lengths are scaled by the static deflection or the backlash of the pair. Damping values are
     taken from `dampings`, the damping combinations of the configuration by name.
     """
-    damping_sums = {}  # 0 means that a combination has no damping at all
+    damping_sums = {}  # zero for combinations without any damping
     for name, damping in dampings.items():
         damping_sums[name] = damping.material_damping + damping.backlash_damping
     damped_names = [name for name, damping_sum in damping_sums.items() if damping_sum > 0.0]
@@ -125,18 +125,18 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
     moderate_damping = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
     coefficients = [(x.material_damping, x.backlash_damping) for x in dampings.values()]
     max_damping = max(map(max, coefficients)) or moderate_damping
-    # Basins of attraction need damping in contact, without which motions do not become periodic.
+    # Basins of attraction require damping in contact; otherwise motions do not become periodic.
     settling = {name: x for name, x in dampings.items() if x.material_damping > 0.0}
     if not settling:
         damping = Damping(material_damping=moderate_damping, backlash_damping=moderate_damping)
         settling = {f"damping ratio {_DAMPING_RATIO:g}": damping}
-    # With this coefficient cubic and linear damping have the same force at the velocity
+    # With this coefficient, cubic and linear damping forces are equal at the velocity
     # deflection * frequency.
     cubic_damping = max_damping / (deflection * frequency) ** 2
     poincare_cases = _panel_cases(dampings, _POINCARE_TUNING)
     for name, case in zip(dampings, poincare_cases, strict=False):
-        # The Poincare section is at mesh phase 0. `settle` is the number of mesh periods that are
-        # skipped before it, to let transients decay. Undamped motions have none that decay.
+        # The Poincare section is at mesh phase 0. `settle` is the number of mesh periods skipped
+        # to let transients decay; without damping they do not decay.
         case |= {"phase": 0.0, "settle": _SETTLING_PERIODS if damping_sums[name] else 0}
     return {
         "phase_lag": {"material_dampings": [max_damping, max_damping / 100.0]},
@@ -154,8 +154,7 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
             **first_damped,
             "support_stiffness": 2.5 * pair.max_stiffness,
             "pin_error": [deflection, 0.0],  # radial and tangential
-            # The first of the three branches has less backlash, so that they share the load
-            # unequally.
+            # The first of the three branches has less backlash, so the load sharing is unequal.
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
         },
         "basins": {"cases": _panel_cases(settling, _BASINS_TUNING)},
@@ -166,14 +165,13 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
 
 
 def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
-    """Return bodies and bearings of two equal gears that have the reduced mass of `pair`, in SI.
+    """Return bodies and bearings of two equal gears with the reduced mass of `pair`, in SI units.
 
-    The pinion (index 3 in the paper) and the wheel (index 2) have base radii Rb, moments of inertia
-    J and masses m such that 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2: with J = 3 Rb^2
-    m_red and m = 6 m_red the four terms are 1/3, 1/3, 1/6 and 1/6 of 1 / m_red. The four bearings,
-    along y and z of the pinion, then of the wheel, have 1/40 of the mesh stiffness and 2 % of
-    critical damping. The run-out is a part of the static deflection, and at most a fifth of the
-    backlash.
+    The reduced mass is defined by 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2, with base
+    radii Rb, moments of inertia J and masses m of the pinion (index 3 in the paper) and the wheel
+    (index 2). With J = 3 Rb^2 m_red and m = 6 m_red, the four terms are 1/3, 1/3, 1/6 and 1/6 of
+    1 / m_red. The four bearings (pinion y and z, wheel y and z) have 1/40 of the mesh stiffness and
+    2 % of critical damping. The run-out is 0.8 static deflections, at most a fifth of the backlash.
     """
     mass = 6.0 * pair.reduced_mass
     bearing_stiffness = pair.max_stiffness / 40.0
@@ -188,10 +186,10 @@ def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
 
 
 def _panel_cases(dampings: dict[str, Damping], tuning: float) -> list[dict]:
-    """Return a list of panels of a figure, one for each damping combination, with one tuning.
+    """Return the panels of a figure, one for each damping combination, all at the same tuning.
 
-    Each is a dict with the keys title, tuning (mesh frequency over natural frequency) and damping.
-    A figure has space for `_MAX_PANELS` panels, so that further combinations are left out.
+    Each panel is a dict with the keys title, tuning (mesh frequency over natural frequency) and
+    damping. Only the first `_MAX_PANELS` combinations are used.
     """
     cases = []
     for name, damping in list(dampings.items())[:_MAX_PANELS]:
@@ -203,9 +201,9 @@ def _panel_cases(dampings: dict[str, Damping], tuning: float) -> list[dict]:
 def _damping_colours(dampings: Iterable[str], configured: dict[str, str]) -> dict[str, str]:
     """Return the colours of the damping combinations as a dict: name -> "#rrggbb".
 
-    `dampings` are the names of the combinations, and `configured` has the colours that the user has
-    chosen. The others get colours of the palette that are not yet used. A configured colour that is
-    not valid is kept, so that the validation reports it.
+    `dampings` are the names of the combinations, and `configured` contains the colours chosen by
+    the user. All others get unused colours of the palette. Invalid configured colours are kept; the
+    validation reports them.
     """
     used_colours = [
         colour for colour in map(str, configured.values()) if re.fullmatch(COLOUR_PATTERN, colour)

@@ -214,7 +214,7 @@ simulate PAIR --tuning 1 -o run.h5 | must end with one of .nc, .csv
 sweep PAIR --plot curve.jpg | must end with one of .png, .svg, .pdf
 simulate PAIR --tuning 1 --damping k1 | give --config
 orbit --config binary.yaml --tuning 1 | binary.yaml is not YAML
-orbit --config twice.yaml --tuning 1 | a is given twice, again in line 3
+orbit --config twice.yaml --tuning 1 | the key a is given again in line 3
 orbit --config syntax.yaml --tuning 1 | syntax.yaml is not YAML, line 2, col
 orbit --config colon.yaml --tuning 1 | colon.yaml: 'resonance' is not allowed: it must be a mapping
 workflow -n --configfile colon.yaml | colon.yaml: 'resonance' is not allowed: it must be a mapping
