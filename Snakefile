@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from snakemake.utils import min_version
-from gearlib.data.files import remove_leftovers
+from gearlib.data.files import remove_temporary_files
 from workflow.provenance import write as write_provenance
 
 min_version("9.25")
@@ -47,7 +47,7 @@ onstart:
     if not os.access("results" if Path("results").exists() else ".", os.W_OK):
         refuse("Nothing can be written to results.")
     # Snakemake holds its lock, so temporary files can only stem from a run that was killed.
-    remove_leftovers(Path("results"))
+    remove_temporary_files(Path("results"))
 
 
 onsuccess:

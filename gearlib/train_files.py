@@ -35,7 +35,9 @@ def write_train(train: Any, path: Any) -> None:
         problem = "of given matrices cannot be written: only trains of bodies can"
         raise checks.InputError("train", problem=problem)
     if suffix == ".nc":
-        storage.write(result.result("A gear train", train, train.layout(), method="none"), path)
+        storage.write(
+            result.make_result("A gear train", train, train.layout(), method="none"), path
+        )
         return
     arguments: dict = {}
     for name in ("bodies", "shafts", "meshes", "forces"):
@@ -47,7 +49,7 @@ def write_train(train: Any, path: Any) -> None:
     section = {"kind": "own", "reference": train.reference, "own": arguments}
     if train.reference_frequency is not None:
         section["reference_frequency"] = train.reference_frequency
-    with files.replacing(path) as temporary:
+    with files.atomic_write(path) as temporary:
         text = yaml.safe_dump({"train": section}, sort_keys=False, allow_unicode=True)
         temporary.write_text(text, encoding="utf-8")
 
@@ -117,7 +119,7 @@ def read_train(path: Any) -> Any:
     try:
         section = TrainFile.model_validate(content, context={}).train
     except ValidationError as error:
-        raise ConfigError("\n".join(validation.sentences(error, TrainFile, content))) from None
+        raise ConfigError("\n".join(validation.error_messages(error, TrainFile, content))) from None
     allowed = "own, planetary or planetary_set; the other kinds need a gear pair"
     checks.require(section.kind not in PAIR_TRAINS, "train.kind", section.kind, allowed)
-    return from_values.train(**section.description(), pair=None)
+    return from_values.build_train(**section.description(), pair=None)

@@ -2,7 +2,7 @@
 
 import csv
 
-from gearlib.data.files import write_table
+from gearlib.data.files import write_csv
 
 
 def read_back(rows, folder):
@@ -10,6 +10,6 @@ def read_back(rows, folder):
 
     Return one dict per row, which maps each column name to the string in the cell.
     """
-    write_table(rows, folder / "table.csv")
+    write_csv(rows, folder / "table.csv")
     with (folder / "table.csv").open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))

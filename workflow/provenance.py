@@ -15,7 +15,7 @@ from importlib import metadata
 from pathlib import Path
 
 from gearlib import processor
-from gearlib.data.files import replacing
+from gearlib.data.files import atomic_write
 
 #: Packages whose versions can change results.
 PACKAGES = (
@@ -46,7 +46,7 @@ def write(results, root):
         },
         "jobs": [_job(path, results / "benchmarks") for path in jobs],
     }
-    with replacing(target) as temporary:
+    with atomic_write(target) as temporary:
         temporary.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
-from gearlib.data.result import result_of_many
+from gearlib.data.result import make_study_result
 from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.parameters import Speed, checked
 
@@ -21,30 +21,30 @@ FREQUENCIES = (
 
 @checked
 def characteristic_frequencies(gears, speed: Speed):
-    """Return the frequencies at which gears excite or modulate vibration at a given speed.
+    """Compute the frequencies at which gears excite or modulate vibration at a given speed.
 
     Parameters
     ----------
     gears : gearlib.geometry.GearStage or GearTrain
         Two gears given by geometry, or a train.
     speed : float
-        Speed in rpm: of the pinion, or for a train of the reference pinion in the housing.
+        Speed in rpm of the pinion or, for a train, of the reference pinion relative to the housing.
 
     Returns
     -------
     xarray.Dataset
         All frequencies are in Hz. Over ``mesh``: mesh_frequency_hertz f; hunting_tooth_frequency,
-        f over the least common multiple of the tooth numbers, at which the same two teeth meet;
-        assembly_phase_frequency, f over their greatest common divisor. Over ``mesh`` and ``gear``:
-        sideband_spacing, f over the tooth number, the frequency at which one tooth of the pinion
-        or of the wheel returns to the mesh. Over ``body``: shaft_frequency in the housing, and
-        planet_passing_frequency, at which planets pass a tooth of a central gear, NaN for other
-        bodies.
+        f divided by the least common multiple of the tooth numbers, at which the same two teeth
+        meet; assembly_phase_frequency, f divided by their greatest common divisor. Over ``mesh``
+        and ``gear``: sideband_spacing, f divided by the tooth number, at which a given tooth of the
+        pinion or of the wheel returns to the mesh. Over ``body``: shaft_frequency relative to the
+        housing, and planet_passing_frequency, at which planets pass a given tooth of a central
+        gear (NaN for other bodies).
 
     Raises
     ------
     ValueError
-        If an argument is wrong.
+        If an argument is invalid.
     """
     if isinstance(gears, GearStage):
         body_names, mesh_names = ["pinion", "wheel"], ["pinion-wheel"]
@@ -61,7 +61,7 @@ def characteristic_frequencies(gears, speed: Speed):
             (train.by_name[mesh.pinion].teeth, train.by_name[mesh.wheel].teeth)
             for mesh in train.meshes
         ]
-        # Speeds of a train are relative to the frequency of its reference mesh.
+        # The speeds of a train are stated relative to the frequency of its reference mesh.
         body_speeds = train.speeds.in_housing
         reference_frequency = speed / 60.0 / abs(float(body_speeds[train.reference_pinion.name]))
         frequency_ratios = [float(ratio) for ratio in train.frequency_ratios]
@@ -81,18 +81,17 @@ def characteristic_frequencies(gears, speed: Speed):
         "speed": speed,
     }
     coords = {"mesh": mesh_names, "gear": ["pinion", "wheel"], "body": body_names}
-    return result_of_many("Characteristic frequencies of gears", data, coords)
+    return make_study_result("Characteristic frequencies of gears", data, coords)
 
 
 def _planet_passing_frequencies(train: Any, reference_frequency: float) -> np.ndarray:
-    """Return for each body of a train the frequency at which planets pass one of its teeth, in Hz.
+    """Return the planet passing frequency of each body of a `GearTrain` in Hz.
 
-    The frequency is the number of planets that mesh with the body, times the speed of the body in
-    the frame where the axes of the planets are at rest; NaN for a body that meshes with no planet.
-    `train` is a `GearTrain`. `reference_frequency` is the mesh frequency of its reference mesh in
-    Hz, to which all speeds of the train are relative.
+    It is the number of planets that mesh with the body, times the rotational frequency of the body
+    relative to the axes of the planets, and NaN for a body that meshes with no planet.
+    `reference_frequency` is the frequency of the reference mesh in Hz.
     """
-    planets_of_gear: dict[str, set] = {}  # the names of the planets that mesh with each gear
+    planets_of_gear: dict[str, set] = {}  # names of the planets that mesh with each gear
     for mesh in train.meshes:
         for planet, gear in ((mesh.pinion, mesh.wheel), (mesh.wheel, mesh.pinion)):
             # Only planets have a carrier; either gear of a mesh may be the planet.
@@ -110,16 +109,16 @@ def _planet_passing_frequencies(train: Any, reference_frequency: float) -> np.nd
 def frequency_rows(frequencies: xr.Dataset) -> Iterator[list]:
     """Yield the rows of a table of characteristic frequencies, starting with the column headings.
 
-    `frequencies` is a result of `characteristic_frequencies`, in Hz. A row has the name of the mesh
-    or body, the kind of frequency such as "shaft frequency", its value in Hz, and its order, the
-    ratio of the frequency to the given shaft speed in rev/s. Values that are NaN have no row.
+    `frequencies` is a result of `characteristic_frequencies`. Each row contains the name of the
+    mesh or body, the kind of frequency (e.g. "shaft frequency"), its value in Hz, and its order,
+    the ratio of the frequency to the given shaft speed in rev/s. NaN values are skipped.
     """
     yield ["of", "frequency", "hertz", "order"]
     shaft_frequency = float(frequencies.speed) / 60.0
     for variable_name in FREQUENCIES:
         variable = frequencies[variable_name]
         kind = variable_name.removesuffix("_hertz").replace("_", " ")
-        # The dimensions (mesh; mesh and gear; body) become one, to iterate over single values.
+        # All dimensions of the variable are stacked into one, to iterate over scalar values.
         for cell in variable.stack(cell=variable.dims, create_index=False).transpose("cell"):
             frequency = float(cell)
             if np.isfinite(frequency):

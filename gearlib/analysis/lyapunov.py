@@ -1,9 +1,9 @@
 """Lyapunov exponents of motions, and the growth of rounding errors along a motion.
 
 The linearised maps of `Model.propagator` propagate a small perturbation, which is normalised after
-each mesh period; the mean of the logarithms of its growth is the largest exponent, per mesh period.
-The norm of a perturbation is the length of the vector (dx, nu dx'), where nu is the tuning:
-displacements, and velocities over the mean eigenfrequency.
+each mesh period. The mean logarithm of its growth is the largest Lyapunov exponent per mesh period.
+The norm of a perturbation is the length of the vector (dx, nu dx') with the tuning nu, i.e.
+velocities are divided by the mean eigenfrequency.
 """
 
 import math
@@ -18,8 +18,8 @@ from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, check_distinct_values
 from gearlib.analysis.orbits.tracing import DimensionlessParameter, parameter_cases
 from gearlib.data import status
-from gearlib.data.motions import float_array
-from gearlib.data.result import result
+from gearlib.data.motions import as_float_array
+from gearlib.data.result import make_result
 from gearlib.engines.matrices import propagate_perturbation
 from gearlib.integrators import choose_method
 from gearlib.models.model import UNBOUNDED_FACTOR
@@ -30,18 +30,18 @@ from gearlib.runs.sweeping import WARM_STARTED
 
 #: Largest number of linearised maps that are held in memory at a time.
 MAX_MAPS = 512
-#: Number of batches of consecutive periods; the scatter of their means gives the uncertainty.
+#: Number of batches of consecutive periods; the scatter of the batch means gives the uncertainty.
 BATCHES = 20
 ExponentPeriods = Annotated[int, Ge(BATCHES), INTEGER]
 #: Ratio of an exponent to its uncertainty above which it is significant.
 _MIN_SIGNIFICANCE = 3.0
-#: Growth is exponential if its logarithm exceeds the logarithm of linear growth by more than this.
+#: Growth is exponential if its logarithm exceeds that of linear growth by more than this.
 _MIN_EXCESS_LOG_GROWTH = 7.0
-#: Logarithm of the growth, 1e10, above which rounding errors determine the course of a motion.
+#: Logarithm of the growth (1e10) above which rounding errors become visible in a motion.
 MAX_LOG_GROWTH = 10.0 * math.log(10.0)
-#: CF flags of a variable "settled" of single motions.
-SETTLED_FLAGS = status.flags_of(("unsettled", "settled"))
-#: Largest difference of states on the same orbit, relative to its displacement range.
+#: CF flag attributes of the variable "settled" of individual motions.
+SETTLED_FLAGS = status.flag_attributes(("unsettled", "settled"))
+#: Largest difference between states on the same orbit, relative to its displacement range.
 _SAME_ORBIT_TOLERANCE = 1e-3
 
 
@@ -56,10 +56,10 @@ class Exponent(NamedTuple):
 
     @property
     def grows_faster_than_linearly(self) -> bool:
-        """Whether perturbations have grown faster than linearly in the number of mesh periods.
+        """Whether perturbations have grown faster than linearly with the number of mesh periods.
 
-        In quasi-periodic motions they grow linearly, and the exponent is zero. `log_growth` is the
-        logarithm of the total growth; it must exceed ln(periods) by more than a margin of 7.
+        In quasi-periodic motions, whose exponent is zero, they grow linearly. `log_growth` must
+        exceed ln(periods) by more than a margin of 7.
         """
         return self.log_growth > math.log(self.periods) + _MIN_EXCESS_LOG_GROWTH
 
@@ -70,10 +70,10 @@ class Exponent(NamedTuple):
 
 
 class Perturbation:
-    """A small perturbation of a motion, which is propagated along it from one run to the next."""
+    """A small perturbation of a motion that is propagated along the motion from run to run."""
 
     def __init__(self, model: Any, max_events: int = MAX_EVENTS):
-        """Create a perturbation with the size of a rounding error and an arbitrary direction.
+        """Create a perturbation of the size of a rounding error with an arbitrary direction.
 
         `model` is any gear model that can be linearised along a motion. A run fails if it has more
         than `max_events` contact events in a mesh period.
@@ -81,7 +81,7 @@ class Perturbation:
         self.model, self.max_events = model, max_events
         #: Unit vector of the perturbation, shape (n,); None for an arbitrary direction.
         self.vector: np.ndarray | None = None
-        #: Logarithm of the length of the perturbation over the size of a rounding error.
+        #: Logarithm of the length of the perturbation in units of a rounding error.
         self.log_length = 0.0
 
     def propagate(self, propagator, state: np.ndarray, periods: int, first_period=0) -> tuple:
@@ -98,17 +98,15 @@ class Perturbation:
         reduction, lift = self.model.reduction()
         vector = np.ones(len(reduction)) if self.vector is None else self.vector.copy()
         self.vector = None
-        # The norm is that of (dx, nu dx'), where nu is the tuning, so that velocities over the
-        # natural frequency are comparable with displacements.
+        # Velocities are multiplied by the tuning, which makes them comparable with displacements.
         weights = np.repeat([1.0, propagator.tuning], vector.size // 2)
         for i in range(0, periods, MAX_MAPS):
-            batch_growths = log_growths[i : i + MAX_MAPS]  # a view, filled below
+            batch_growths = log_growths[i : i + MAX_MAPS]  # a view that is filled below
             period = (first_period + i) % self.model.repeats
             state, maps, code = propagator.maps(state, batch_growths.size, self.max_events, period)
             if code != status.OK:
                 return state, log_growths, code
-            # `reduction` and `lift` are the matrices from full states to states without rigid-body
-            # rotation, and back. This rotation is removed, because it neither grows nor decays.
+            # The rigid-body rotation is removed, because it neither grows nor decays.
             reduced_maps = reduction @ maps @ lift
             if not propagate_perturbation(reduced_maps, weights, vector, batch_growths):
                 log_growths[i:] = -math.inf
@@ -117,12 +115,12 @@ class Perturbation:
         return state, log_growths, status.OK
 
     def becomes_visible(self, tuning: float, state: Any, periods: int, first_period: int) -> bool:
-        """Propagate the perturbation along the next run, and return whether it becomes visible.
+        """Propagate the perturbation along the next run and return whether it becomes visible.
 
         The run is made at a `tuning` (mesh frequency / natural frequency), from `state` at the
         start of mesh period number `first_period`, over `periods` mesh periods. The perturbation is
-        visible if it is more than exp(`MAX_LOG_GROWTH`) = 1e10 times a rounding error, or if the
-        run fails. Its length, limited to this range, is the initial length in the following run.
+        visible if it exceeds exp(`MAX_LOG_GROWTH`) = 1e10 times a rounding error, or if the run
+        fails. Its final length, limited to this range, is the initial length in the next run.
         """
         propagator = self.model.propagator(tuning)
         if self.log_length == 0.0:
@@ -130,7 +128,7 @@ class Perturbation:
             self.vector = None
         full_state = propagator.initial_state(state)
         _, log_growths, code = self.propagate(propagator, full_state, periods, first_period)
-        # Logarithms of the growth since the start of the run; infinite if the run has failed.
+        # Logarithms of the growth since the start of the run, infinite if the run has failed.
         growths = np.cumsum(log_growths) if code == status.OK else np.full(periods, math.inf)
         exceeds = self.log_length + max(float(growths.max()), 0.0) > MAX_LOG_GROWTH
         self.log_length = min(max(self.log_length + float(growths[-1]), 0.0), MAX_LOG_GROWTH)
@@ -154,8 +152,8 @@ def largest_exponent(
     state = propagator.initial_state(state)
     # Motions larger than this, relative to the backlash or the initial state, are unbounded.
     bound = UNBOUNDED_FACTOR * np.maximum(model.extent, stroboscope.state_sizes(state[None]))
-    # During the transient any perturbation turns into the direction of fastest growth.
-    # Each stage has a first mesh period and a number of mesh periods.
+    # Transient and average, each with its first mesh period and its number of mesh periods. During
+    # the transient any perturbation turns towards the direction of fastest growth.
     stages = ((0, settle), (settle, periods)) if settle else ((0, periods),)
     for first_period, count in stages:
         previous_size = stroboscope.state_sizes(state[None])
@@ -167,7 +165,7 @@ def largest_exponent(
             return Exponent(-math.inf, 0.0, -math.inf, periods)
     if stroboscope.propagate_growing_motions(state[None], previous_size, bound, periods)[0].any():
         return Exponent(math.nan, math.nan, math.nan, periods, status.OVERFLOW)
-    # Successive periods are correlated, so the standard error is that of the means of batches.
+    # Successive periods are correlated, so the standard error is estimated from batch means.
     batches = np.array_split(log_growths, min(BATCHES, periods))
     batch_means = np.array([batch.mean() for batch in batches])
     count = batch_means.size
@@ -180,20 +178,20 @@ def are_sensitive_to_rounding(
 ) -> np.ndarray:
     """Return a mask of the tunings, shape (n,), at which rounding errors grow to a visible size.
 
-    Tunings are ratios of mesh frequency to natural frequency, in the order of the runs of a sweep.
-    Each run has `periods` mesh periods. Without `final_states` all runs start from `initial_state`.
-    In a warm-started sweep each run starts from the final state of the previous one, or from
-    `initial_state` if that run failed; `final_states`, shape (n, components), are then these final
-    states, NaN for failed runs.
+    Tunings are ratios of mesh frequency to natural frequency, in the order of the runs of a sweep,
+    and each run has `periods` mesh periods. For a warm-started sweep, `final_states` are the final
+    states of the runs, shape (n, components), NaN for failed runs: each run starts from the final
+    state of the previous one, or from `initial_state` if that run failed. If `final_states` is
+    None, all runs start from `initial_state`.
     """
     is_sensitive = np.zeros(len(tunings), bool)
     for i, tuning in enumerate(tunings):
-        # In a warm-started sweep the mesh periods are numbered through, as a run-out requires.
+        # In a warm-started sweep the phase of the run-out continues from run to run.
         first_period = 0 if final_states is None else i * periods
         if i and final_states is not None and np.isfinite(final_states[i - 1]).all():
             state = tuple(final_states[i - 1])
         else:
-            # A new motion starts here; otherwise the perturbation of the previous run continues.
+            # A new motion needs a new perturbation.
             state = tuple(initial_state)
             perturbation = Perturbation(model)
         is_sensitive[i] = perturbation.becomes_visible(float(tuning), state, periods, first_period)
@@ -203,7 +201,7 @@ def are_sensitive_to_rounding(
 def reproducible_orbits(
     model: Any, diagrams: list, directions: list, initial_states: list
 ) -> np.ndarray:
-    """Return a mask, shape (diagram, tuning), of periodic motions independent of rounding errors.
+    """Return a mask, shape (diagrams, tunings), of orbits that do not depend on rounding errors.
 
     `diagrams` are results of `gearlib.bifurcation_diagram` at the same tunings (ratios of mesh
     frequency to natural frequency). Each has an entry in `directions` ("cold": all runs from the
@@ -221,21 +219,21 @@ def reproducible_orbits(
     orders = [ascending[::-1] if direction == "down" else ascending for direction in directions]
     for k, (diagram, order) in enumerate(zip(diagrams, orders, strict=True)):
         final_states = diagram.final_state.values[order] if is_warm_started[k] else None
-        # The coordinate `strobe` numbers the mesh periods of a run from 0, with the transient.
+        # The coordinate `strobe` counts the mesh periods of a run, including its transient, from 0.
         run_periods = int(diagram.strobe.values[-1]) + 1
         tunings = diagram.tuning.values[order]
         is_sensitive[k, order] = are_sensitive_to_rounding(
             model, tunings, initial_states[k], run_periods, final_states
         )
     is_reproducible = (periods > 0) & ~is_sensitive
-    # Without cold runs nothing shows that a warm-started sweep is reproducible again.
+    # A warm-started sweep can only become reproducible again by comparison with cold runs.
     cold_reproducible = np.all(is_reproducible[~is_warm_started], axis=0) & ~is_warm_started.all()
     for k in np.flatnonzero(is_warm_started):
-        after_chaos = False  # whether the sweep depends on rounding errors in an earlier run
-        # This sweep is compared with all cold diagrams.
+        after_chaos = False  # whether the sweep depends on rounding errors of an earlier run
+        # The sweep is compared with all diagrams of cold runs.
         compared_diagrams = ~is_warm_started | (np.arange(len(diagrams)) == k)
         for i in orders[k]:
-            # The stroboscopic points of equal orbits may come in another order, so sort them.
+            # Equal orbits may have their stroboscopic points in a different order, so sort them.
             points = np.sort(displacements[compared_diagrams, i], axis=1)
             spread = np.ptp(points, axis=0).max()
             is_same_orbit = spread <= _SAME_ORBIT_TOLERANCE * max(1.0, np.ptp(points))
@@ -260,21 +258,22 @@ def lyapunov_exponents(
     threads: Threads = None,
     max_seconds: MaxSeconds = None,
 ):
-    """Compute the largest Lyapunov exponents of motions over a parameter, with standard errors.
+    """Compute the largest Lyapunov exponents of motions, with standard errors, over a parameter.
 
-    Perturbations follow the exact linearised maps of the motion, with saltation matrices at contact
-    events. On a periodic attractor the exponent is ln|multiplier| / period; without damping a
-    motion with a positive exponent is chaotic, and one with a zero exponent is regular.
+    Perturbations are propagated by the exact linearised maps of the motion, with saltation matrices
+    at contact events. On a periodic attractor the exponent is ln|multiplier| / period. Without
+    damping, a motion with a positive exponent is chaotic, and one with a zero exponent is regular.
 
     Parameters
     ----------
     model, values, parameter, tuning, max_events
         As in `gearlib.bifurcation_diagram`.
     states : array_like of float, shape (2,) or (n, 2)
-        Displacement in static deflections and dx/dtau at tau = 0, one state for all values or one
-        for each. With the final states of a bifurcation diagram the exponents follow its branch.
+        Displacement in units of the static deflection and dx/dtau at tau = 0, one state for all
+        values or one per value. With the final states of a bifurcation diagram, the exponents
+        follow its branch.
     settle, periods : int
-        Mesh periods of the transient, and of the average (at least 20).
+        Numbers of mesh periods of the transient and of the average (at least 20).
     threads : int, optional
         Number of threads; by default one per processor. The result does not depend on it.
     max_seconds : float, optional
@@ -285,8 +284,8 @@ def lyapunov_exponents(
     -------
     xarray.Dataset
         Over a dimension with the name of the parameter: exponent, per mesh period; uncertainty, its
-        standard error from the means of 20 batches; status: if it is not 0, both are NaN because
-        the run failed, the motion grows without bound, or the initial state is not finite.
+        standard error from the means of 20 batches; status. If status is not 0, the others are NaN,
+        because the run failed, the motion grows without bound, or the initial state is not finite.
 
     Raises
     ------
@@ -300,19 +299,19 @@ def lyapunov_exponents(
     if isinstance(states, str):
         model.check_state(states)
         states = cases[0][0].start_state(states)
-    initial_states = float_array(states)
+    initial_states = as_float_array(states)
     state_sizes = sorted({2, len(model.components)})
-    allowed = f"{' or '.join(map(str, state_sizes))} numbers, or as many for each of the "
-    allowed += f"{values.size} values"
+    counts = " or ".join(map(str, state_sizes))
+    allowed = f"{counts} numbers, or {counts} numbers for each of the {values.size} values"
     is_valid = initial_states.ndim > 0 and initial_states.shape[-1] in state_sizes
     is_valid = is_valid and initial_states.shape[:-1] in ((), (values.size,))
     checks.require(is_valid, "states", states, allowed)
     initial_states = np.broadcast_to(initial_states, (values.size, initial_states.shape[-1]))
 
     def exponent_row(i: int) -> tuple:
-        """Return (exponent, uncertainty, status code) at the parameter value number i.
+        """Return (exponent, uncertainty, status code) at the parameter value with index i.
 
-        The status code is -1 if the time limit is over.
+        The status code is -1 if the time limit has passed.
         """
         case_model, case_tuning = cases[i]
         if limit.is_over():
@@ -334,5 +333,5 @@ def lyapunov_exponents(
     }
     attributes = {"parameter": parameter, "tuning": tuning, "settle": settle, "periods": periods}
     title, coords = "Largest Lyapunov exponents of a gear mesh", {parameter: values}
-    dataset = result(title, model, data, coords, method="variational maps", **attributes)
+    dataset = make_result(title, model, data, coords, method="variational maps", **attributes)
     return limit.record_missing(dataset, **{parameter: table[:, 2] >= 0})

@@ -1,13 +1,13 @@
 """`order_map`: orders of run-ups and signals in blocks; `orders`: of runs at constant speed.
 
-The shaft angle is known, so neither a window nor leakage is involved: Fourier integrals over the
-angle are weighted sums of samples. Motions are smooth between switches of the stiffness and contact
-events. The weights integrate cubic polynomials through neighbouring samples, and no polynomial
-extends across a jump. Sums over every second sample give an estimate of the error.
+The shaft angle is known, so no window is needed and there is no leakage: Fourier integrals over the
+angle are weighted sums of samples. Motions are smooth between stiffness jumps and contact events.
+The weights integrate cubic polynomials through neighbouring samples, and no polynomial extends
+across a jump. Sums over every second sample give an error estimate.
 
-Signals over time are interpolated at equal angles of the shaft by cubic splines (`rig_signals`).
-Blocks of `order_map` are whole revolutions, so orders on its grid do not leak into each other; the
-amplitude of an order between two grid points is up to 3.9 dB too small.
+Measured signals are resampled at equal shaft angles by cubic splines (`rig_signals`). The blocks of
+`order_map` are whole revolutions, so orders on its grid do not leak into each other; the amplitude
+of an order between two grid points is up to 3.9 dB too small.
 """
 
 import json
@@ -23,20 +23,20 @@ from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 
 from gearlib import checks
-from gearlib.analysis.rig_signals import RigSignal, rig_signal
+from gearlib.analysis.rig_signals import RigSignal, create_rig_signal
 from gearlib.data.files import canonical_json
-from gearlib.data.result import result_of_many
+from gearlib.data.result import make_study_result
 from gearlib.models.from_values import model_from_json
 from gearlib.models.harmonics import Harmonics
 from gearlib.parameters import CHOICE, Count, Finite, NonNegative, Positive, Unit, Values, checked
 
-#: Phases, and revolutions, closer than this count as equal.
+#: Phases or numbers of revolutions that differ by less than this are equal.
 PHASE_TOLERANCE = 1e-9
 #: Number of samples of an interpolating polynomial, and a Gauss rule that integrates it exactly.
-STENCIL = 4
+STENCIL_SIZE = 4
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(2)
-#: Kind of amplitude -> function from the magnitude of the complex Fourier coefficient of an order
-#: > 0 to the amplitude of this order.
+#: Kind of amplitude -> function that converts the magnitude of the complex Fourier coefficient of
+#: an order > 0 to the amplitude of this order.
 _AMPLITUDES = {
     "rms": lambda magnitude: math.sqrt(2.0) * magnitude,
     "peak": lambda magnitude: 2.0 * magnitude,
@@ -44,25 +44,27 @@ _AMPLITUDES = {
 }
 #: Highest mesh order by default.
 _DEFAULT_MESH_ORDERS = 5
-#: Variables of runs -> (function from a run of `simulate` to their scale in SI units, units).
+#: Variable of a run -> (function that returns its scale in SI units for a run of `simulate`,
+#: units).
 _VARIABLES = {
     "displacement": (lambda run: run.static_deflection, "m"),
     "velocity": (lambda run: run.static_deflection * run.mesh_frequency, "m s-1"),
     "acceleration": (lambda run: run.static_deflection * run.mesh_frequency**2, "m s-2"),
     "dynamic_force": (lambda run: run.force_scale, "N"),
 }
-#: Largest change of a coefficient if every second sample is left out, over the root mean square.
-MAX_CHANGE = 0.05
+#: Largest change of a coefficient when every second sample is omitted, relative to the root mean
+#: square of the samples.
+MAX_RELATIVE_CHANGE = 0.05
 
 
 @dataclass
 class Motion:
-    """Samples of a variable of a run over the mesh phase, with the speed course of the run."""
+    """Samples of a variable over the mesh phase of a run, and the speed course of the run."""
 
     phase: np.ndarray  #: mesh phase since the first sample, rad, shape (k,)
     values: np.ndarray  #: samples, shape (k,), for a train with m meshes (k, m)
     jumps: np.ndarray  #: sorted phases at which the variable or its slope jumps, rad
-    speeds: np.ndarray  #: speed course: rows (time since the first sample in s, speed in rpm)
+    speed_course: np.ndarray  #: speed course: rows (time since the first sample in s, speed in rpm)
     teeth: float  #: mesh periods per revolution
     max_order: float  #: highest order by default
     units: str
@@ -70,9 +72,9 @@ class Motion:
     attrs: dict = field(default_factory=dict)  #: attributes of the order map
 
     @property
-    def travel(self) -> float:
-        """Number of revolutions of the run, the integral of the speed in rpm over the time in s."""
-        return float(np.trapezoid(self.speeds[:, 1], self.speeds[:, 0])) / 60.0
+    def total_revolutions(self) -> float:
+        """Number of revolutions of the run, the integral of the speed over time."""
+        return float(np.trapezoid(self.speed_course[:, 1], self.speed_course[:, 0])) / 60.0
 
 
 @dataclass
@@ -80,13 +82,13 @@ class FourierSums:
     """Fourier coefficients of the blocks of a signal, with an estimate of their errors."""
 
     coefficients: np.ndarray  #: complex, shape (blocks, orders) or, for trains, (..., meshes)
-    #: Absolute changes of the coefficients if every second sample is left out, same shape.
+    #: Absolute changes of the coefficients when every second sample is omitted, same shape.
     changes: np.ndarray
-    mean_squares: np.ndarray  #: mean squares of the samples of each block, without the orders
+    mean_squares: np.ndarray  #: mean square of the samples of each block, shape (blocks, ...)
 
     @property
     def rms(self) -> float:
-        """Largest root mean square of the samples among the blocks."""
+        """Largest root mean square of the samples of any block."""
         return math.sqrt(self.mean_squares.max())
 
 
@@ -94,20 +96,20 @@ class ShaftRotation:
     """Rotation of a shaft with a piecewise linear speed course."""
 
     def __init__(self, speed_course: ArrayLike):
-        """Integrate a speed course, rows (time in s, speed in rpm), shape (n, 2), to revolutions.
+        """Integrate a speed course with rows (time in s, speed in rpm), shape (n, 2).
 
-        The speed is linear between the rows, so the revolutions are exact by the trapezoidal rule.
+        The speed is linear between the rows, so the trapezoidal rule is exact.
         """
         self._time, speed_rpm = np.array(speed_course, float).T
-        #: Speed in rev/s, its slope in rev/s^2, and revolutions since the first row.
+        #: Speed in rev/s, acceleration in rev/s^2, and number of revolutions since the first row.
         self._speed = speed_rpm / 60.0
         self._slope = np.diff(self._speed) / np.diff(self._time)
         self._revolutions = cumulative_trapezoid(self._speed, self._time, initial=0.0)
 
     def revolutions(self, time: np.ndarray) -> np.ndarray:
-        """Return the number of revolutions at times in s, counted from the first row of the course.
+        """Return the number of revolutions from the first row of the course to given times in s.
 
-        Between two rows the acceleration is constant; after the last row the speed is constant.
+        The acceleration is constant between two rows, and the speed is constant after the last row.
         """
         i = np.clip(np.searchsorted(self._time, time, "right") - 1, 0, None)
         slope = np.append(self._slope, 0.0)[i]
@@ -117,16 +119,16 @@ class ShaftRotation:
     def time_and_speed(self, revolutions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (times in s, speeds in rpm) after given numbers of revolutions.
 
-        Revolutions are counted from the first row of the course, up to its last row. This is the
-        inverse of the method `revolutions`; between two rows the time is the root of a quadratic
-        equation.
+        This is the inverse of the method `revolutions`. Revolutions are counted from the first row
+        and must not exceed those at the last row. Between two rows the time is the root of a
+        quadratic equation.
         """
         i = np.searchsorted(self._revolutions, revolutions, "right") - 1
         i = np.clip(i, 0, self._slope.size - 1)
         start_speed = self._speed[i]
         angle = revolutions - self._revolutions[i]  # since row i, in revolutions
         speed = np.sqrt(np.maximum(start_speed**2 + 2.0 * self._slope[i] * angle, 0.0))
-        # This form of the root of the quadratic equation is accurate also if the start speed is 0.
+        # This form of the root is accurate even if the initial speed is 0.
         duration = np.zeros(angle.shape)
         np.divide(2.0 * angle, start_speed + speed, where=angle > 0.0, out=duration)
         return self._time[i] + duration, 60.0 * speed
@@ -151,37 +153,37 @@ def order_map(
     ----------
     run : xarray.Dataset
         A result of `gearlib.run_up` with samples_per_period, or of `gearlib.simulate`. With 128
-        samples per mesh period the error relative to the largest amplitude is about 1e-6 for the
-        displacement, and 1e-4 for the force, which jumps with the stiffness. Times and phases count
-        from the first sample.
-        Alternatively any signal over ``time`` (s) with ``speed`` (min-1), such as a result of
-        `gearlib.read_measured`: it is interpolated at equal angles by cubic splines. NaN marks a
-        missing sample. A gap is a step between samples that exceeds three times the usual step, or
-        a quarter of the wave of the highest order; blocks with a gap are left out. Where the speed
-        is missing, it is interpolated linearly. A negative speed means backward rotation; blocks in
-        which the speed is 0 over several samples or changes its sign are left out.
+        samples per mesh period, the error relative to the largest amplitude is about 1e-6 for the
+        displacement, and 1e-4 for the force, which jumps with the stiffness. Times and phases are
+        counted from the first sample.
+        Alternatively, a measured signal over ``time`` (s) with ``speed`` (min-1), e.g. a result of
+        `gearlib.read_measured`, which is resampled at equal angles by cubic splines. NaN marks a
+        missing sample. A gap is a step between samples that exceeds three times the usual step or
+        a quarter of the wavelength of the highest order; blocks with a gap are omitted. Where the
+        speed is missing, it is interpolated linearly. A negative speed means backward rotation;
+        blocks in which the speed is 0 over several samples or changes sign are omitted.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
-        Name of the variable; of a signal any variable.
+        Name of the variable; for a measured signal, any variable of the dataset.
     resolution : float, default 1
         Largest order spacing, > 0 and <= 1. Blocks have a whole number of revolutions, and the
         actual spacing, ``order_resolution``, is the reciprocal of this number.
     highest : float, optional
-        Highest order. By default the fifth mesh order, or for a signal the highest order with four
-        samples per wave.
+        Highest order. By default the fifth mesh order or, for a measured signal, the highest order
+        with four samples per wave.
     amplitude : {"rms", "peak", "power"}
-        Root mean square, amplitude or mean square of a sine. Order 0 is the mean, or its square.
+        Root mean square, amplitude or mean square of a sine. Order 0 is the mean or its square.
     tacho : sequence of float, optional
-        For a signal, instead of its speed: times of tacho pulses in s. The map extends from the
-        first to the last pulse. Each interval between pulses is compared with its neighbours. A
-        single missing pulse is counted. A single double pulse is left out (if two pulses are closer
-        than 1 % of an interval, the later one). Irregular pulses at either end are left out, too;
-        any other irregular pulse raises an error with its time.
+        For a measured signal, times of tacho pulses in s, used instead of the speed. The map
+        extends from the first to the last pulse. Each interval between pulses is compared with its
+        neighbours. A single missing pulse is counted, and a single double pulse is omitted (the
+        later one if two pulses are closer than 1 % of an interval). Irregular pulses at either end
+        are omitted as well; any other irregular pulse raises an error that states its time.
     pulses_per_revolution : int, default 1
         Number of tacho pulses per revolution, at equal angles.
     teeth : int, default 1
-        For a signal: mesh periods per revolution.
+        For a measured signal, the number of mesh periods per revolution.
     orders : sequence of float, optional
-        Selected orders, multiples of the order spacing. By default all up to the highest.
+        Selected orders, multiples of the order spacing. By default all orders up to the highest.
 
     Returns
     -------
@@ -190,43 +192,43 @@ def order_map(
         revolution of the gear to which the speed refers): amplitude; phase (rad, of a cosine of
         order times the shaft angle since the start of the run, or since the first tacho pulse);
         amplitude_error, an estimate. Over ``time``: rpm, the mean speed, and overall, the root mean
-        square of the variable without its mean. Trains have the dimension ``mesh`` as well. Scalars
-        order_resolution and teeth. For a signal, the attribute ``comment`` describes what was left
-        out or repaired and why, and the attributes ``left_out`` (intervals without a block),
-        ``missing_pulses`` (the pulses before and after each) and ``double_pulses`` have the times
-        in s as JSON.
+        square of the variable without its mean. Trains also have the dimension ``mesh``. Scalars:
+        order_resolution and teeth. For a measured signal, the attribute ``comment`` describes what
+        was omitted or repaired and why, and the attributes ``left_out`` (intervals without a
+        block), ``missing_pulses`` (the pulses before and after each) and ``double_pulses`` contain
+        the times in s as JSON.
 
     Raises
     ------
     ValueError
         If an argument is invalid, or if a coefficient changes by more than 5 % of the root mean
-        square when every second sample is left out.
+        square when every second sample is omitted.
     """
-    allowed = f"one of {', '.join(map(repr, _VARIABLES))}, or of a signal the name of any variable"
+    allowed = f"one of {', '.join(map(repr, _VARIABLES))}, or the name of a variable of a signal"
     checks.require(isinstance(variable, str), "variable", variable, allowed)
     if orders is not None and highest is None:
         highest = max(*orders, resolution)
-    motion = _motion(run, variable, highest, tacho, pulses_per_revolution, teeth)
+    motion = _create_motion(run, variable, highest, tacho, pulses_per_revolution, teeth)
     revolutions = math.ceil(1.0 / resolution - 1e-12)  # per block
-    run_revolutions = motion.travel
+    run_revolutions = motion.total_revolutions
     block_count = int(run_revolutions / revolutions + PHASE_TOLERANCE)
     if block_count < 1:
         raise ValueError(
-            f"resolution = {resolution!r} is not allowed for this run: a block must have "
-            f"{revolutions} whole revolutions, and the run has {run_revolutions:.4g}"
+            f"resolution = {resolution!r} is not allowed for this run: a block has {revolutions} "
+            f"revolutions, but the run has only {run_revolutions:.4g}"
         )
     highest = motion.max_order if highest is None else highest
     # The orders are 0, 1 / revolutions, 2 / revolutions, ... up to the highest.
     order_count = int(highest * revolutions + 1e-9) + 1
     if isinstance(motion, RigSignal):
-        sums, start_times, end_times, directions = _signal_sums(
+        sums, start_times, end_times, directions = _fourier_sums_of_signal(
             motion, variable, revolutions, highest, order_count
         )
-        motion.attrs |= motion.left_out(start_times, end_times, revolutions)
+        motion.attrs |= motion.describe_omissions(start_times, end_times, revolutions)
     else:
-        sums = _run_sums(motion, revolutions, highest, block_count, order_count)
+        sums = _fourier_sums_of_run(motion, revolutions, highest, block_count, order_count)
         bounds = revolutions * np.arange(block_count + 1.0)
-        times, _ = ShaftRotation(motion.speeds).time_and_speed(bounds)
+        times, _ = ShaftRotation(motion.speed_course).time_and_speed(bounds)
         start_times, end_times, directions = times[:-1], times[1:], 1.0
     indices = np.arange(order_count)
     if orders is not None:
@@ -237,55 +239,54 @@ def order_map(
             is_on_grid = abs(index - order * revolutions) <= 1e-09 * max(order, 1.0)
             checks.require(is_on_grid and index < order_count, "orders", order, allowed)
     rpm = 60.0 * revolutions * directions / (end_times - start_times)
-    return _dataset(
+    return _order_map_dataset(
         motion, variable, amplitude, sums, indices, revolutions, start_times, end_times, rpm
     )
 
 
-def _run_sums(
+def _fourier_sums_of_run(
     motion: Motion, revolutions: int, highest: float, block_count: int, order_count: int
 ) -> FourierSums:
-    """Return the Fourier coefficients of the blocks of a run, after a check of their errors.
+    """Compute the Fourier coefficients of the blocks of a run and check their accuracy.
 
-    Each of the `block_count` blocks has the whole number `revolutions` of shaft revolutions. The
+    Each of the `block_count` blocks has `revolutions` shaft revolutions, an integer. The
     `order_count` orders (waves per revolution) are 0, 1 / `revolutions`, 2 / `revolutions`, ...
-    Raise ValueError if `highest`, the highest order, has fewer than four samples per wave, or if
-    the coefficients change too much when every second sample is left out.
+    Raise ValueError if there are fewer than four samples per wave of the `highest` order, or if the
+    coefficients change too much when every second sample is omitted.
     """
     samples_per_period = _samples_per_period(motion.phase)
     max_order = 0.25 * samples_per_period * motion.teeth
     if highest > max_order * (1.0 + PHASE_TOLERANCE):
         raise ValueError(
             f"highest = {highest:g} is not allowed with samples_per_period = {samples_per_period}: "
-            f"it must be at most {max_order:.4g}, orders with four samples a wave"
+            f"it must be at most {max_order:.4g}, so that there are four samples per wave"
         )
-    # Wave numbers are in radians of the wave per radian of the mesh phase: order over teeth.
+    # A wave number, in radians of the wave per radian of the mesh phase, is order / teeth.
     step = 1.0 / (motion.teeth * revolutions)
     blocks = math.tau / step, block_count, step, order_count
-    sums = fourier(motion.phase, motion.values, motion.jumps, *blocks)
-    _check_changes(sums, motion.phase)
+    sums = fourier_sums(motion.phase, motion.values, motion.jumps, *blocks)
+    _check_sampling_error(sums, motion.phase)
     return sums
 
 
-def _signal_sums(
+def _fourier_sums_of_signal(
     signal: RigSignal, variable: str, revolutions: int, highest: float, order_count: int
 ) -> tuple:
     """Return (Fourier sums, start times, end times, directions) of the blocks of a measured signal.
 
-    Blocks have the whole number `revolutions` of shaft revolutions, and the `order_count` orders
-    (waves per revolution) are multiples of 1 / `revolutions` from 0 to `highest`. Times are in s,
-    and directions of rotation are 1 or -1; all are sorted by time. `variable` is the name of the
-    signal for the error message. The errors of the coefficients are returned, but not checked,
-    because noise changes the coefficients.
+    Each block has `revolutions` shaft revolutions, an integer. The `order_count` orders (waves per
+    revolution) are multiples of 1 / `revolutions` from 0 to `highest`. Times are in s, directions
+    of rotation are 1 or -1, and blocks are sorted by time. `variable` is the name of the signal in
+    the error message. The error estimates are not checked, because they include noise.
     """
     coefficients, changes, mean_squares, blocks = [], [], [], []
     for samples, start_time, end_time, direction in signal.blocks(revolutions, highest):
-        # The trapezoidal rule takes half of the first and half of the last sample.
+        # The trapezoidal rule gives the first and the last sample half the weight.
         periodic_samples, squares = samples[:-1].copy(), samples[:-1] ** 2
         periodic_samples[0] = 0.5 * (samples[0] + samples[-1])
         squares[0] = 0.5 * (samples[0] ** 2 + samples[-1] ** 2)
         fine = np.fft.rfft(periodic_samples, norm="forward")[:order_count]
-        # With every second sample left out, the coefficients show their sampling error.
+        # Coefficients from every second sample show the sampling error.
         coarse = np.fft.rfft(periodic_samples[::2], norm="forward")[:order_count]
         coefficients.append(fine)
         changes.append(np.abs(fine - coarse))
@@ -294,8 +295,8 @@ def _signal_sums(
     if not blocks:
         reasons = ", ".join(dict.fromkeys(reason for _, _, reason in signal.breaks))
         raise ValueError(
-            f"{variable} is not allowed: no block of {revolutions} whole revolutions is complete "
-            f"({reasons}), and there must be one at least"
+            f"{variable} has no complete block of {revolutions} whole revolutions ({reasons}): "
+            "there must be at least one"
         )
     order = np.argsort([start_time for start_time, _, _ in blocks])
     sums = FourierSums(
@@ -304,21 +305,21 @@ def _signal_sums(
     return sums, *np.array(blocks)[order].T
 
 
-def _motion(
+def _create_motion(
     run, variable: str, highest: float | None, tacho: Any, pulses_per_revolution: int, teeth: int
 ) -> Motion | RigSignal:
-    """Return the samples of a variable as a `Motion` of a run, or as a measured `RigSignal`.
+    """Return the samples of a variable of a run as a `Motion`, or of a signal as a `RigSignal`.
 
     `run` is a dataset of `run_up` or `simulate`, or a measured signal, which has a time but no mesh
-    phase. `highest` is the highest order or None. For signals, `tacho` has the times of the tacho
-    pulses in s, or is None, and `teeth` is the number of mesh periods per revolution. Raise
-    ValueError if an argument of `order_map` does not suit the dataset.
+    phase. `highest` is the highest order or None. For a signal, `tacho` contains the times of the
+    tacho pulses in s or is None, and `teeth` is the number of mesh periods per revolution. Raise
+    ValueError if an argument of `order_map` is not allowed for this kind of dataset.
     """
     names = set(getattr(run, "variables", ()))  # empty unless `run` is a dataset
     if "time" in names and "phase" not in names:
-        return rig_signal(run, variable, highest, tacho, pulses_per_revolution, teeth)
+        return create_rig_signal(run, variable, highest, tacho, pulses_per_revolution, teeth)
     checks.check_choice("variable", variable, tuple(_VARIABLES))
-    condition = "for a run-up, whose shaft angle is known"
+    condition = "for a simulated run, whose shaft angle is known"
     checks.require(tacho is None, "tacho", tacho, f"None {condition}")
     if pulses_per_revolution != 1:
         raise checks.InputError("pulses_per_revolution", pulses_per_revolution, f"1 {condition}")
@@ -327,26 +328,26 @@ def _motion(
     is_run_up = names >= {variable, "time", "speed", "phase"} and "time" in run.sizes
     if not (is_simulation or is_run_up):
         expected = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
-        raise checks.InputError("run", _name_of_run(run), expected)
-    return _motion_of_run(run, variable)
+        raise checks.InputError("run", _describe_argument(run), expected)
+    return _motion_from_run(run, variable)
 
 
-def _name_of_run(run: Any) -> Any:
-    """Return the title or type of a dataset for an error message; other objects are returned."""
+def _describe_argument(run: Any) -> Any:
+    """Return the title or type name of a dataset for an error message; return other objects."""
     return run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
 
 
 def _check_status(run: xr.Dataset) -> None:
     """Raise ValueError if a run has failed."""
     if int(run.status):
-        raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
+        raise ValueError(f"the run has failed: {run.status.attrs['message']}")
 
 
-def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
-    """Return the samples of a variable of `gearlib.run_up` or `gearlib.simulate`, in SI units.
+def _motion_from_run(run: xr.Dataset, variable: str) -> Motion:
+    """Return a variable of a run of `run_up` or `simulate` in SI units as a `Motion`.
 
-    The result is a `Motion`: the samples over the mesh phase, the phases of their jumps, the speed
-    course, and the number of mesh periods per revolution, found from phase and shaft angle.
+    A `Motion` contains the samples over the mesh phase, the phases of jumps, the speed course, and
+    the number of mesh periods per revolution, which follows from mesh phase and shaft angle.
     """
     _check_status(run)
     is_run_up = "time" in run.sizes
@@ -354,7 +355,7 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
     if is_run_up:
         speed, time = run.speed.values, run.time.values
         speed_course = np.array(parameters["speed"])
-        # Shaft angle in rad from speeds in rpm, by the trapezoidal rule.
+        # The shaft angle in rad follows from speeds in rpm by the trapezoidal rule.
         angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
         scale, units = 1.0, run[variable].attrs["units"]  # run-ups are in SI units
         courses = run.attrs["parameters"]
@@ -367,13 +368,13 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
         angle = math.pi / 30.0 * rpm * phase[-1] / omega
         scale_function, units = _VARIABLES[variable]
         scale = float(scale_function(run))
-        courses = _courses_json(speed_course)
+        courses = _courses_as_json(speed_course)
     teeth = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
-    # Mesh periods per revolution are an integer, apart from rounding errors and turning carriers.
+    # The ratio is an integer, up to rounding errors, unless a carrier rotates.
     if abs(teeth - round(teeth)) < 1e-6 * teeth:
         teeth = float(round(teeth))
     if is_run_up:
-        # The variable or its slope may jump at corners of the courses and at contact events.
+        # The variable or its slope may jump at kinks of the courses and at contact events.
         times = [row[0] for row in (*parameters["speed"], *parameters["load"])]
         times.extend(run.event_time.values if "event_time" in run else ())
         event_phases = math.tau * teeth * ShaftRotation(speed_course).revolutions(np.array(times))
@@ -382,53 +383,53 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
     return Motion(
         phase=phase,
         values=run[variable].values * scale,
-        jumps=_jumps(run, variable, event_phases),
-        speeds=speed_course,
+        jumps=_jump_phases(run, variable, event_phases),
+        speed_course=speed_course,
         teeth=teeth,
         max_order=_DEFAULT_MESH_ORDERS * teeth,
         units=units,
         coords={name: run[name].variable for name in run[variable].dims[1:]},
-        attrs=_attributes(run, "references", "gear_pair", "model") | {"parameters": courses},
+        attrs=_select_attributes(run, "references", "gear_pair", "model") | {"parameters": courses},
     )
 
 
 def _event_phases(run: xr.Dataset) -> np.ndarray:
-    """Return the phases of the start, end and contact events of the record of a run of `simulate`.
+    """Return the mesh phases of start, end and contact events of the record of a run in rad.
 
-    They are in rad of the mesh phase since the first sample.
+    `run` is a dataset of `simulate`. Phases are counted from the first sample.
     """
     end_phase = math.tau * recorded_periods(run)
     return np.array([0.0, end_phase, *(run.event_phase.values - run.phase.values[0])])
 
 
-def _attributes(run: xr.Dataset, *names: str) -> dict:
-    """Return those attributes of a run whose names are given, without names that it lacks."""
+def _select_attributes(run: xr.Dataset, *names: str) -> dict:
+    """Return the attributes of a run with the given names, ignoring names that it does not have."""
     return {name: run.attrs[name] for name in names if name in run.attrs}
 
 
-def _courses_json(speed_course: np.ndarray) -> str:
+def _courses_as_json(speed_course: np.ndarray) -> str:
     """Return a speed course, rows (time in s, speed in rpm), with a constant load as JSON text."""
     return canonical_json({"speed": speed_course.tolist(), "load": [[0.0, 1.0]]})
 
 
-def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarray:
-    """Return the sorted mesh phases, in rad since the first sample, at which a variable may jump.
+def _jump_phases(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarray:
+    """Return the sorted mesh phases in rad at which a variable may jump.
 
-    These are `event_phases`, the phases of contact events and ends of the record, and the phases at
-    which the mesh stiffness jumps, if the attributes of the run describe the model. Displacement
-    and velocity are continuous, so they have none.
+    Phases are counted from the first sample. A variable may jump at the `event_phases` (contact
+    events and both ends of the record) and, if the attributes of the run describe its model, where
+    the mesh stiffness jumps. Displacement and velocity are continuous and have no jumps.
     """
     if variable in ("displacement", "velocity"):
-        return np.empty(0)  # treated as smooth
+        return np.empty(0)
     phases = event_phases
-    # The model is None if the attributes do not describe it.
+    # The result is None if the attributes do not describe the model.
     model = model_from_json(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
     if model is not None:
         # The mesh phase of a run-up starts at 0.
         start_phase = 0.0 if "time" in run.dims else float(run.phase[0])
         end_phase = float(run.phase[-1])
         switches, period = _stiffness_switches(model)
-        # One mesh period is added at both ends, so that no switch at an end is missed.
+        # One mesh period is added at both ends, so that no jump at an end is missed.
         first_period = (start_phase - math.tau) // period
         last_period = (end_phase + math.tau) // period
         period_starts = period * np.arange(first_period, last_period + 1.0)
@@ -438,57 +439,56 @@ def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarr
 
 
 def _stiffness_switches(model: Any) -> tuple:
-    """Return (mesh phases at which the mesh stiffness of a model jumps, its period), both in rad.
+    """Return (phases at which the mesh stiffness of a model jumps, period of the stiffness) in rad.
 
-    The period is one mesh period, or several if the stiffness repeats only after more of them.
+    The period is one mesh period, or more if the stiffness repeats only after several mesh periods.
     """
     if model.equation is None:
-        # Models with several coordinates have intervals of constant stiffness.
-        segment_bounds = model.system(tuning=1.0).starts  # the same at all tunings
+        # Models with several coordinates have piecewise constant stiffness, whose segments are the
+        # same at all tunings.
+        segment_bounds = model.system(tuning=1.0).starts
         return segment_bounds[:-1], segment_bounds[-1]
     switches = [[0.0]]
-    # The stiffness is piecewise linear over the phase, with (value at the start, slope) per piece.
-    for pieces in (model.equation.drive_stiffness, model.equation.coast_stiffness):
-        start_values, slopes = pieces.lines.T
-        end_values = start_values + slopes * np.diff(pieces.breaks)
+    # The stiffness is piecewise linear over the phase.
+    for stiffness in (model.equation.drive_stiffness, model.equation.coast_stiffness):
+        start_values, slopes = stiffness.values_and_slopes.T
+        end_values = start_values + slopes * np.diff(stiffness.breakpoints)
         jumps = np.abs(np.roll(end_values, 1) - start_values)
         is_jump = jumps > PHASE_TOLERANCE * np.abs(start_values).max()
-        switches.append(pieces.breaks[:-1][is_jump])
+        switches.append(stiffness.breakpoints[:-1][is_jump])
     return np.unique(np.concatenate(switches)), math.tau
 
 
-def fourier(
+def fourier_sums(
     phase, values, jumps, block_length, block_count, wave_number_step, order_count
 ) -> FourierSums:
     """Compute Fourier coefficients of samples in consecutive blocks, with an error estimate.
 
-    `values`, shape (k,) or (k, meshes), are samples at the sorted phases `phase`, shape (k,), in
-    rad. Block b extends from b * block_length to (b + 1) * block_length, for b < block_count.
-    Coefficient n < order_count is the mean of values * exp(-i w phase) over the block, with the
-    wave number w = n * wave_number_step. The values or their slopes jump at the sorted phases
-    `jumps`. The error estimate is the change of a coefficient without every second sample.
+    `values`, shape (k,) or (k, meshes), are samples at the sorted phases `phase` in rad, shape
+    (k,). The values or their slopes jump at the sorted phases `jumps`. Block b extends from
+    b * block_length to (b + 1) * block_length, b = 0 ... block_count - 1. Coefficient n,
+    n = 0 ... order_count - 1, is the mean of values * exp(-i w phase) over the block with
+    w = n * wave_number_step. The error estimate is the change when every second sample is omitted.
     """
     blocks = block_length, block_count, wave_number_step, order_count
-    sums, mean_squares = _block_sums(phase, values, jumps, *blocks)
-    coarse_sums, _ = _block_sums(phase[::2], values[::2], jumps, *blocks)
+    sums, mean_squares = _block_coefficients(phase, values, jumps, *blocks)
+    coarse_sums, _ = _block_coefficients(phase[::2], values[::2], jumps, *blocks)
     return FourierSums(sums, np.abs(sums - coarse_sums), mean_squares)
 
 
-def _block_sums(
+def _block_coefficients(
     phase, values, jumps, block_length, block_count, wave_number_step, order_count
 ) -> tuple:
     """Return (Fourier coefficients, mean squares) of samples in consecutive blocks of phase.
 
-    `values`, shape (k,) or (k, meshes), are samples at the sorted phases `phase` in rad, and jump
-    at the sorted phases `jumps`. Block b starts at b * block_length, and coefficient n has the wave
-    number n * wave_number_step. Coefficients have the shape (block_count, order_count, ...) and
-    mean squares (block_count, ...), with further dimensions as in `values`.
+    The arguments are described in `fourier_sums`. Coefficients have the shape (block_count,
+    order_count, ...) and mean squares (block_count, ...), with the trailing dimensions of `values`.
     """
     inner_shape = values.shape[1:]
     table = values.reshape(len(values), -1).T  # one row per mesh
     sums = np.zeros((block_count, order_count, len(table)), complex)
     mean_squares = np.zeros((block_count, len(table)))
-    # A sample at a jump may belong to either side, so it is left out.
+    # A sample at a jump may belong to either side, so it is omitted.
     ends = np.concatenate([[-np.inf], jumps, [np.inf]])
     segments = np.searchsorted(jumps, phase)
     distances = np.minimum(phase - ends[segments], ends[segments + 1] - phase)
@@ -497,13 +497,13 @@ def _block_sums(
         start = b * block_length
         bounds = start - PHASE_TOLERANCE, (b + 1) * block_length - PHASE_TOLERANCE
         first, stop = np.searchsorted(phase, bounds)
-        # Polynomials at the ends of a block need samples outside it.
-        indices = np.arange(max(first - STENCIL, 0), min(stop + STENCIL, len(phase)))
+        # Polynomials at the ends of a block extend to samples outside the block.
+        indices = np.arange(max(first - STENCIL_SIZE, 0), min(stop + STENCIL_SIZE, len(phase)))
         block_phase = phase[indices] - start
         weights = _integration_weights(block_phase, jumps - start, block_length)
         samples = table[:, indices]
         weighted_samples = weights / block_length * samples
-        # Each order multiplies the terms by the same factors once more.
+        # From one order to the next, the terms are multiplied by the same factors.
         rotation = np.exp(-1j * wave_number_step * block_phase)
         terms = weighted_samples.astype(complex)
         for n in range(order_count):
@@ -515,18 +515,18 @@ def _block_sums(
 
 
 def _integration_weights(phase: np.ndarray, jumps: np.ndarray, length: float) -> np.ndarray:
-    """Return the quadrature weights, shape (k,), of samples for an integral from 0 to `length`.
+    """Return the quadrature weights of samples, shape (k,), for an integral from 0 to `length`.
 
     The integrand is sampled at the sorted phases `phase`, shape (k,), which may extend beyond both
-    ends. Cubic polynomials interpolate neighbouring samples, but do not extend across the sorted
-    phases `jumps`, where the integrand jumps.
+    limits. It is interpolated by cubic polynomials through neighbouring samples, which do not
+    extend across the sorted phases `jumps`, where the integrand jumps.
     """
     jumps = jumps[(jumps > phase[0]) & (jumps < phase[-1])]
     ends = np.concatenate([[0.0, length], phase, jumps])
     bounds = np.unique(ends[(ends >= 0.0) & (ends <= length)])
-    # Intervals between these bounds have one polynomial each.
+    # Each interval between two bounds has one polynomial.
     half_lengths, middles = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
-    # The number of a smooth segment is the number of jumps before it.
+    # The index of a smooth segment is the number of jumps before it.
     segment_of_sample = np.searchsorted(jumps, phase)
     segment_of_interval = np.searchsorted(jumps, middles)
     # Indices of the samples that lie in the segment of each interval.
@@ -535,11 +535,11 @@ def _integration_weights(phase: np.ndarray, jumps: np.ndarray, length: float) ->
     # A segment between two jumps without samples uses the neighbouring samples on both sides.
     is_empty = (low == high).astype(int)
     low, high = np.maximum(low - is_empty, 0), np.minimum(high + is_empty, phase.size)
-    stencil_sizes = np.minimum(high - low, STENCIL)
+    stencil_sizes = np.minimum(high - low, STENCIL_SIZE)
     first_samples = np.searchsorted(phase, middles) - stencil_sizes // 2
     first_samples = np.clip(first_samples, low, high - stencil_sizes)
     weights = np.zeros(phase.size)
-    # A segment with fewer than four samples has polynomials of a lower degree.
+    # A segment with fewer than four samples has polynomials of lower degree.
     for n in np.unique(stencil_sizes).tolist():
         intervals = np.flatnonzero(stencil_sizes == n)
         indices = first_samples[intervals] + np.arange(n)[:, None]
@@ -557,41 +557,42 @@ def _integration_weights(phase: np.ndarray, jumps: np.ndarray, length: float) ->
 
 
 def _samples_per_period(phase: np.ndarray) -> int:
-    """Return the number of samples in a mesh period, from the median step of phases in rad."""
+    """Return the number of samples per mesh period, from the median step of mesh phases in rad."""
     return round(math.tau / float(np.median(np.diff(phase)))) if phase.size > 1 else 1
 
 
-def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
-    """Raise ValueError if a coefficient changes too much when every second sample is left out.
+def _check_sampling_error(sums: FourierSums, phase: np.ndarray) -> None:
+    """Raise ValueError if a coefficient changes too much when every second sample is omitted.
 
-    `sums` are Fourier coefficients with these changes. The limit is 5 % (`MAX_CHANGE`) of the root
-    mean square of the samples. `phase` has the phases of the samples in rad, for the message.
+    `sums` are Fourier coefficients with these changes. The limit is `MAX_RELATIVE_CHANGE` (5 %) of
+    the root mean square of the samples. `phase` are the phases of the samples in rad, which the
+    message needs.
     """
     largest_change = sums.changes.max()
-    if largest_change > MAX_CHANGE * sums.rms:
+    if largest_change > MAX_RELATIVE_CHANGE * sums.rms:
         raise ValueError(
             f"samples_per_period = {_samples_per_period(phase)} is not allowed for these orders: "
-            f"with half of the samples one changes by {largest_change / sums.rms:.2g} of the "
-            f"root mean square, and it must be at most {MAX_CHANGE:g}"
+            f"with half the samples an amplitude changes by {largest_change / sums.rms:.2g} times "
+            f"the root mean square, and at most {MAX_RELATIVE_CHANGE:g} is allowed"
         )
 
 
-def _dataset(
+def _order_map_dataset(
     motion, variable, amplitude, sums, indices, revolutions, start_times, end_times, rpm
 ) -> xr.Dataset:
-    """Return the order map of a variable, the dataset that `order_map` returns.
+    """Return the dataset of `order_map` for a variable.
 
-    `motion` is the run (a `Motion`) or the measured signal (a `RigSignal`), and `sums` are the
-    `FourierSums` of its blocks. `amplitude` is "rms", "peak" or "power". The orders are `indices` /
-    `revolutions`, where `revolutions` is the number of revolutions of a block. Blocks extend from
-    `start_times` to `end_times` in s and have the mean speeds `rpm`.
+    `motion` is a `Motion` or a `RigSignal`, and `sums` are the `FourierSums` of its blocks.
+    `amplitude` is "rms", "peak" or "power". The orders are `indices` / `revolutions`, with the
+    number of `revolutions` per block. Blocks extend from `start_times` to `end_times` in s and have
+    the mean speeds `rpm`.
     """
     means = np.abs(sums.coefficients[:, 0])
     overall = np.sqrt(np.maximum(sums.mean_squares - means**2, 0.0))
     coefficients, changes = sums.coefficients[:, indices], sums.changes[:, indices]
     unit, label = motion.units, variable.replace("_", " ")
     magnitudes = np.abs(coefficients)
-    # A sine, unlike the mean at order 0, has two complex coefficients of this magnitude.
+    # An order > 0 has two complex coefficients of this magnitude; order 0 is the mean.
     is_sine = (indices > 0).reshape(1, -1, *[1] * (magnitudes.ndim - 2))
     mean_levels, level_unit = magnitudes, unit
     if amplitude == "power":
@@ -602,7 +603,7 @@ def _dataset(
     dims, block_dims = ("time", "order", *motion.coords), ("time", *motion.coords)
     phase_name = "of a cosine of the order times the shaft angle"
     overall_name = f"root mean square of the {label} without its mean"
-    # Each variable is (dimensions, values, units, long name).
+    # Each entry is (dimensions, values, units, long name).
     variables = {
         "amplitude": (dims, levels, level_unit, f"{amplitude} of the orders of the {label}"),
         "phase": (dims, np.angle(coefficients), "rad", phase_name),
@@ -621,7 +622,7 @@ def _dataset(
     coords = {name: data.pop(name) for name in ("time", "order")} | motion.coords
     title, method = f"Order map of the {label}", "Fourier sums over the shaft angle"
     names = {"variable": variable, "amplitude": amplitude}
-    return result_of_many(title, data, coords, method, **names, **motion.attrs)
+    return make_study_result(title, data, coords, method, **names, **motion.attrs)
 
 
 @checked
@@ -633,7 +634,7 @@ def orders(run, *, count: Count | None = None):
     run : xarray.Dataset
         A result of `gearlib.simulate` that records whole revolutions or whole periods of an orbit.
     count : int, optional
-        Highest mesh order, at most a quarter of the samples per period. By default 10.
+        Highest mesh order, at most a quarter of the samples per period, by default at most 10.
 
     Returns
     -------
@@ -641,29 +642,29 @@ def orders(run, *, count: Count | None = None):
         Over ``order`` (waves per revolution of the gear to which the speed refers, from 0):
         mesh_order (order over teeth), force_amplitude (N, peak; the mean at order 0), force_phase,
         error_amplitude (m) and error_phase (rad; of a cosine of the mesh phase times the mesh
-        order); force_amplitude_error and error_amplitude_error, estimated from the changes with
-        half of the samples; mean_square_force and mean_square_error, of the samples. Trains have
-        the dimension ``mesh`` as well.
+        order); force_amplitude_error and error_amplitude_error, estimated by omitting every second
+        sample; mean_square_force and mean_square_error, of the samples. Trains also have the
+        dimension ``mesh``.
 
     Raises
     ------
     ValueError
         If the run failed or has no whole revolutions, or if a coefficient changes by more than 5 %
-        of the root mean square when every second sample is left out.
+        of the root mean square when every second sample is omitted.
     """
     names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
     if not names <= set(getattr(run, "variables", ())):
         expected = "a dataset of gearlib.simulate for a model with rotating bodies"
-        raise checks.InputError("run", _name_of_run(run), expected)
-    mesh_orders, sums = record_sums(run, count)
+        raise checks.InputError("run", _describe_argument(run), expected)
+    mesh_orders, sums = record_fourier_sums(run, count)
     dims = ("order", *run.displacement.dims[1:])
     column_shape = -1, *[1] * (len(dims) - 1)
-    # Phases of the orders refer to the mesh phase 0, not to the first sample.
+    # The phases of the orders refer to mesh phase 0, not to the first sample.
     rotation = np.exp(-1j * mesh_orders * float(run.phase[0])).reshape(column_shape)
     peak_factor = np.where(mesh_orders > 0.0, 2.0, 1.0).reshape(column_shape)
     data: dict = {"mesh_order": ("order", mesh_orders)}
     for name, (values, block_sums) in sums.items():
-        _check_changes(block_sums, run.phase.values)
+        _check_sampling_error(block_sums, run.phase.values)
         coefficients, changes = block_sums.coefficients[0], block_sums.changes[0]
         data[f"{name}_amplitude"] = dims, peak_factor * np.abs(coefficients)
         data[f"{name}_phase"] = dims, np.angle(coefficients * rotation)
@@ -673,18 +674,18 @@ def orders(run, *, count: Count | None = None):
     periods = recorded_periods(run)
     coords = {"order": np.arange(mesh_orders.size) * float(_periods_per_revolution(run)) / periods}
     coords |= {name: run[name].values for name in dims[1:]}
-    dataset = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
+    dataset = make_study_result("Order spectrum of a gear mesh", data, coords, "Fourier sums")
     long_name = "order, waves per revolution of the gear to which the speed refers"
     dataset["order"].attrs["long_name"] = long_name
-    dataset.attrs |= _attributes(run, "references", "gear_pair", "parameters")
+    dataset.attrs |= _select_attributes(run, "references", "gear_pair", "parameters")
     return dataset
 
 
 def _periods_per_revolution(run: xr.Dataset) -> Fraction:
-    """Return the mesh periods per revolution of the gear to which the speed of a run refers.
+    """Return the number of mesh periods per revolution of the gear to which the speed refers.
 
-    This is the number of teeth of the gear, except in a planetary train whose carrier turns, where
-    it is a fraction. It is computed from the mesh frequency in rad/s and the speed in rpm.
+    It is the number of teeth of the gear or, in a planetary train with a rotating carrier, a
+    fraction. It is computed from the mesh frequency in rad/s and the speed in rpm of the run.
     """
     ratio = float(run.mesh_frequency) * 60.0 / (math.tau * float(run.speed))
     return Fraction(ratio).limit_denominator(10_000)
@@ -695,15 +696,17 @@ def recorded_periods(run: xr.Dataset) -> int:
     return json.loads(run.attrs["parameters"])["record_periods"]
 
 
-def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bool = True) -> tuple:
+def record_fourier_sums(
+    run: xr.Dataset, count: int | None = None, fractional_orders: bool = True
+) -> tuple:
     """Compute the Fourier sums of mesh force and transmission error of a run of `simulate`.
 
     Return (mesh orders, {"force": (samples, sums), "error": (samples, sums)}) with samples in N and
-    m and their `FourierSums` over the whole record. A mesh order is a frequency over the mesh
-    frequency. `count` is the highest one, by default 10 or a quarter of the samples per period, if
-    that is less. The mesh orders are integers from 0, or with `fractional_orders` multiples of 1
-    over the number of recorded mesh periods; the record must then have whole revolutions or whole
-    periods of a periodic orbit.
+    m and their `FourierSums` over the whole record. A mesh order is a frequency divided by the mesh
+    frequency. `count` is the highest mesh order, by default 10 or, if that is less, a quarter of
+    the samples per period. The mesh orders are 0, 1, 2, ... or, with `fractional_orders`, multiples
+    of 1 / (number of recorded mesh periods). In the latter case the record must consist of whole
+    revolutions or whole periods of a periodic orbit.
     """
     _check_status(run)
     periods, teeth = recorded_periods(run), _periods_per_revolution(run).numerator
@@ -711,8 +714,8 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
     is_periodic = orbit_periods > 0 and periods % orbit_periods == 0
     if fractional_orders and periods % teeth and not is_periodic:
         raise ValueError(
-            f"record_periods = {periods} is not allowed: it must be a multiple of {teeth}, whole "
-            "revolutions of the gear to which the speed refers"
+            f"record_periods = {periods} is not allowed: it must be a multiple of {teeth} (whole "
+            "revolutions of the gear to which the speed refers)"
             + (f", or of the {orbit_periods} periods of the orbit" if orbit_periods else "")
         )
     max_count = max(run.phase.size // periods // 4, 1)
@@ -722,7 +725,7 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
     length = math.tau * periods
     order_count = count * steps_per_order + 1
     phase = run.phase.values - run.phase.values[0]
-    margin = 2 * STENCIL
+    margin = 2 * STENCIL_SIZE
     if is_periodic:
         # The record is extended periodically, so that samples surround its first and last phase.
         phase = np.concatenate([phase[-margin:] - length, phase, phase[:margin] + length])
@@ -731,25 +734,28 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
         ("force", run.dynamic_force.values * float(run.force_scale), "dynamic_force"),
         ("error", transmission_error(run) * float(run.static_deflection), "displacement"),
     ):
-        extended_values, jumps = values, _jumps(run, variable, _event_phases(run))
+        extended_values, jumps = values, _jump_phases(run, variable, _event_phases(run))
         if is_periodic:
             extended_values = np.concatenate([values[-margin:], values, values[:margin]])
         step = 1.0 / steps_per_order
-        sums[name] = values, fourier(phase, extended_values, jumps, length, 1, step, order_count)
+        sums[name] = (
+            values,
+            fourier_sums(phase, extended_values, jumps, length, 1, step, order_count),
+        )
     return np.arange(order_count) / steps_per_order, sums
 
 
 def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
     """Return (mesh orders from 1, mesh force amplitudes in N, transmission error amplitudes in m).
 
-    `run` is a dataset of `simulate`; mesh order n is n times the mesh frequency. An amplitude is
-    NaN if it changes by more than 5 % of the root mean square when every second sample is left out.
+    `run` is a dataset of `simulate`; mesh order n has n times the mesh frequency. An amplitude is
+    NaN if it changes by more than 5 % of the root mean square when every second sample is omitted.
     """
-    mesh_orders, sums = record_sums(run, fractional_orders=False)
+    mesh_orders, sums = record_fourier_sums(run, fractional_orders=False)
     amplitudes = []
     for name in ("force", "error"):
         _, block_sums = sums[name]
-        is_unreliable = block_sums.changes[0] > MAX_CHANGE * block_sums.rms
+        is_unreliable = block_sums.changes[0] > MAX_RELATIVE_CHANGE * block_sums.rms
         # The real amplitude of a cosine is twice the magnitude of its complex coefficient.
         peaks = np.where(is_unreliable, math.nan, 2.0 * np.abs(block_sums.coefficients[0]))
         amplitudes.append(peaks[1:])  # without the mean, order 0
@@ -757,10 +763,10 @@ def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
 
 
 def transmission_error(run: xr.Dataset) -> np.ndarray:
-    """Return the transmission error at each sample of a run, in static deflections.
+    """Return the transmission error at each sample of a run in units of the static deflection.
 
     `run` is a dataset of `simulate`. The transmission error is the displacement of the mesh minus
-    its profile deviation; the displacement itself for a model without profile deviation.
+    the profile deviation, if the model has one.
     """
     displacement = run.displacement.values
     # The attributes of the dataset describe the model as JSON.
@@ -768,7 +774,7 @@ def transmission_error(run: xr.Dataset) -> np.ndarray:
     deviation = model.get("deviation") if "profile" in model else None
     if not deviation:
         return displacement
-    # The amplitudes of the deviation in m become static deflections.
+    # The amplitudes of the deviation are converted from m to units of the static deflection.
     phase, scale = run.phase.values, 1.0 / run.static_deflection.item()
     # Each harmonic has the order k and the amplitudes a and b of cosine and sine.
     waves = Harmonics(deviation["cosines"], deviation["sines"]).table(scale)

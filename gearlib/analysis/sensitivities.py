@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
-from gearlib.data.motions import float_array
-from gearlib.data.result import counting_contacts
+from gearlib.data.motions import as_float_array
+from gearlib.data.result import collect_contact_counts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
 from gearlib.parameters import Finite, check, checked
@@ -33,14 +33,14 @@ MAX_ERROR = 1e-6
 
 
 def richardson_derivative(function: Callable, value: float, scale: float) -> tuple:
-    """Differentiate an array-valued function by Richardson extrapolation.
+    """Differentiate an array-valued function at `value` by Richardson extrapolation.
 
-    Return (derivative, error estimate) at a parameter `value`, arrays of the shape of the result of
-    `function`. Central difference quotients with the steps `scale` * `STEPS` (3e-3 and smaller, by
-    factors of 3) are extrapolated to step 0, up to the third order (Ridders, Advances in
-    Engineering Software 4 (1982) 75-76). A step is left out if the function returns None there;
-    with fewer than four quotients the result is NaN. The step and order with the smallest change
-    are chosen for all entries of the array together, because single entries may agree by chance.
+    Return (derivative, error estimate), arrays of the shape of the result of `function`. Central
+    difference quotients with the steps `scale` * `STEPS` (decreasing from 3e-3 by factors of 3) are
+    extrapolated to step 0, up to the third order (Ridders, Advances in Engineering Software 4
+    (1982) 75-76). A step is skipped if the function returns None; with fewer than four quotients
+    the result is NaN. One step and one order are chosen for the whole array, those with the
+    smallest change, because the values of a single entry may agree by chance.
     """
     centre = np.asarray(function(value), float)
     steps, quotients = [], []
@@ -52,23 +52,23 @@ def richardson_derivative(function: Callable, value: float, scale: float) -> tup
     if len(steps) < MIN_DIFFERENCES:
         return np.full(centre.shape, math.nan), np.full(centre.shape, math.nan)
     table = np.array(quotients)
-    # One row per step. Each order combines neighbouring rows, so that the table loses a row.
+    # The table has one row per step. Each order combines neighbouring rows into one row less.
     best_score, derivative, error = math.inf, table[0], math.inf
     max_entry = np.abs(centre).max(initial=0.0)
     for order in range(1, min(MAX_RICHARDSON_ORDER, len(steps) - 2) + 1):
-        # The error of a central difference is a series of even powers of the step.
+        # The error of a central difference is a power series in the square of the step.
         factor = (STEP_RATIO**2) ** order
         table = (factor * table[1:] - table[:-1]) / (factor - 1.0)
         changes = np.abs(np.diff(table, axis=0)).reshape(len(table) - 1, -1).max(1, initial=0.0)
-        # Rounding errors grow with the ratio of the steps, so changes of small steps weigh more.
+        # Rounding errors grow as the steps decrease, so changes at small steps get larger weights.
         weights = STEP_RATIO ** (order + np.arange(len(changes)))
         scores = np.nan_to_num(changes * weights, nan=np.inf)
         i = int(scores.argmin())
         if scores[i] < best_score:
             best_score, derivative = scores[i], table[i]
-            # The error estimate is the larger of the change to the next smaller step, and the
-            # change to the step after it without its larger rounding error, plus the rounding error
-            # of one quotient.
+            # The error estimate is the larger of the changes to the next two smaller steps, plus
+            # the rounding error of one quotient. The second change is reduced by the step ratio,
+            # because its rounding error is larger by this ratio.
             next_change = changes[i + 1] if i + 1 < len(changes) else 0.0
             error = ERROR_FACTOR * np.maximum(changes[i], next_change / STEP_RATIO)
             error += np.spacing(max_entry) / steps[i + order + 1]
@@ -79,19 +79,19 @@ def richardson_derivative(function: Callable, value: float, scale: float) -> tup
 
 
 def _difference_quotient(function: Callable, value: float, step: float, centre: np.ndarray) -> Any:
-    """Return a difference quotient of second order accuracy of a function at `value`.
+    """Return a second-order accurate difference quotient of a function at `value`.
 
-    The quotient is central, with points at a distance `step`; it is one-sided if `function` raises
-    ValueError on one side of `value`, for example at the end of the allowed range. `centre` is
-    function(value). Return None if the function returns None at one of the points.
+    The quotient is central with the given `step`, or one-sided if `function` raises ValueError on
+    one side of `value`, e.g. at the end of the allowed range. `centre` is function(value). Return
+    None if the function returns None at one of the points.
     """
     try:
         neighbour = function(value + step)
     except ValueError:
-        # Parameters above the value are not allowed.
+        # Parameters above `value` are not allowed, so step downwards.
         step = -step
         neighbour = function(value + step)
-    # Weights of the neighbour, the other point and the centre.
+    # The weights multiply the neighbour, the other point and the centre.
     try:
         other_point, weights = function(value - step), (1.0, -1.0, 0.0)
     except ValueError:
@@ -105,9 +105,10 @@ def _difference_quotient(function: Callable, value: float, step: float, centre: 
 def sensitivities(
     call: Callable, model: Any, parameters: Any, *, max_seconds: MaxSeconds = None, **arguments: Any
 ) -> xr.Dataset:
-    """Differentiate the results of a function with respect to model parameters or its arguments.
+    """Differentiate the results of a function with respect to parameters of a model or arguments.
 
-    Warn if contact events change with every step, or if the relative error exceeds 1e-6.
+    Warn if the number of contact events changes at every step size, or if the relative error
+    exceeds 1e-6.
 
     Parameters
     ----------
@@ -117,8 +118,8 @@ def sensitivities(
     model : Model
         Model at whose parameter values the derivatives are computed.
     parameters : str or sequence of str
-        Names of parameters in ``model.settable``, or of numbers among the `arguments`, such as
-        tuning or speed.
+        Names of parameters in ``model.settable``, or of numerical `arguments` such as tuning or
+        speed.
     max_seconds : float, optional
         Time limit in seconds, after which the results computed so far are returned; see
         `gearlib.progress`.
@@ -128,9 +129,8 @@ def sensitivities(
     Returns
     -------
     xarray.Dataset
-        For each variable and parameter the derivative ``d_<variable>_d_<parameter>`` and its error
-        estimate ``d_<variable>_d_<parameter>_error``. A result without a name is the variable
-        ``value``.
+        For each variable and parameter, the derivative ``d_<variable>_d_<parameter>`` and its error
+        estimate ``d_<variable>_d_<parameter>_error``. A result without a name is called ``value``.
 
     Raises
     ------
@@ -159,13 +159,13 @@ def sensitivities(
         check(name, value, Finite)
         run = _cached_call(call, model, name, arguments)
         is_dimensionless = parameter_units == "1"
-        # A parameter that is 0 has no scale of its own.
+        # If the parameter is 0, its scale follows from its units.
         scale = abs(value)
         if scale == 0.0:
             scale = 1.0 if is_dimensionless else natural_scale(model, parameter_units)
         for variable, array in run(value)[0].items():
             long_name = array.attrs.get("long_name", variable)
-            title = f"derivative of the {long_name} by {parameter}"
+            title = f"derivative of the {long_name} with respect to {parameter}"
             divisor = "" if is_dimensionless else f"/({parameter_units})"
             units = array.attrs.get("units", "1") + divisor
             derivative, error = _differentiate_variable(run, variable, title, value, scale)
@@ -178,28 +178,28 @@ def sensitivities(
 
 
 def _cached_call(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
-    """Return a cached function of one parameter value, which evaluates `call` with this value.
+    """Return a cached function that evaluates `call` for a value of the parameter `name`.
 
-    `call(model, **arguments)` is the function of the user. The parameter `name` is one of its
-    keyword `arguments`, or else a parameter of the model. The function returns (variables by name,
-    contact counts) and is cached, because several variables are differentiated at the same values.
+    `call(model, **arguments)` is the function of the user. The parameter is one of its keyword
+    `arguments`, or else a parameter of the model. The returned function is cached, because several
+    variables are differentiated at the same parameter values.
     """
 
     @cache
     def run(value: float) -> tuple:
-        """Return ({variable name: DataArray}, contact counts) of the call for a parameter value.
+        """Return ({variable name: DataArray}, contact counts) for a parameter value.
 
-        Only variables of floats are returned. The contact counts are a list of the numbers of
-        contact events and bounces in the simulations that the call has made.
+        Only floating-point variables are returned. The contact counts list the numbers of contact
+        events and bounces in all simulations of the call.
         """
-        with counting_contacts() as contacts:
+        with collect_contact_counts() as contacts:
             if name in arguments:
                 result = call(model, **arguments | {name: value})
             else:
                 result = call(model.with_values({name: value}), **arguments)
         if not isinstance(result, xr.Dataset):
             if not isinstance(result, xr.DataArray):
-                result = xr.DataArray(float_array(result))
+                result = xr.DataArray(as_float_array(result))
             result = result.to_dataset(name=result.name or "value")
         arrays = result.data_vars.items()
         variables = {key: array for key, array in arrays if array.dtype.kind == "f"}
@@ -213,22 +213,21 @@ def _cached_call(call: Callable, model: Any, name: str, arguments: dict) -> Call
 def _differentiate_variable(
     run: Callable, variable: Any, title: str, value: float, scale: float
 ) -> tuple:
-    """Return (derivative, error estimate) of a result at a parameter value; warn if unreliable.
+    """Return (derivative, error estimate) of a variable at a parameter value; warn if unreliable.
 
     `run` is a function of the parameter value that returns ({variable name: DataArray}, contact
-    counts). `variable` is the name of one of these results, `title` a description of the derivative
-    for warnings, and `scale` the scale of the parameter, to which the steps of the difference
-    quotients are relative. A warning is given if contact events change with every step, or if the
-    relative error exceeds 1e-6.
+    counts). `variable` is the name of one of these variables, and `title` describes the derivative
+    in warnings. The steps of the difference quotients are relative to `scale`. Warn if the number
+    of contact events changes at every step size, or if the relative error exceeds 1e-6.
     """
     variables_at_value, contacts = run(value)
     shape = variables_at_value[variable].shape
 
     def array_at(parameter: float, same_contacts: bool = True) -> Any:
-        """Return the array at a parameter value, or None if a difference would be meaningless.
+        """Return the array at a parameter value, or None if it cannot be compared with `value`.
 
-        This is so if the shape of the array changes, or, with `same_contacts`, if the numbers of
-        contact events differ from those at `value`, because the result may then jump.
+        It cannot be compared if its shape differs or, with `same_contacts`, if the numbers of
+        contact events differ, because the result may then jump.
         """
         variables, new_contacts = run(parameter)
         array = variables[variable].values
@@ -237,14 +236,15 @@ def _differentiate_variable(
         return array if array.shape == shape else None
 
     derivative, error = richardson_derivative(array_at, value, scale)
-    # The error is NaN if too few steps are left. Differences across a change of contact events are
-    # better than none.
+    # The error is NaN if too few steps remain. Quotients across a change of the number of contact
+    # events are then used, because they are better than none.
     if np.isnan(error).any():
-        message = f"contact events appear or vanish for all step sizes: {title}"
+        message = f"contact events appear or vanish at all step sizes: {title}"
         warnings.warn(message, stacklevel=3)
         derivative, error = richardson_derivative(
             lambda parameter: array_at(parameter, same_contacts=False), value, scale
         )
     if not error.max(initial=0.0) <= MAX_ERROR * np.abs(derivative).max(initial=0.0):
-        warnings.warn(f"the error is larger than {MAX_ERROR:g} of the {title}", stacklevel=3)
+        message = f"the relative error of the {title} exceeds {MAX_ERROR:g}"
+        warnings.warn(message, stacklevel=3)
     return derivative, error

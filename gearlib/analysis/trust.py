@@ -1,16 +1,17 @@
 """`trust`: chaos or artefact? The motion at one tuning is computed by several methods.
 
-The steady state of a damped mesh does not depend on the method and length of the run or on small
-changes of the initial state. `trust` repeats a run for a longer time, from a disturbed state, by
-another method, with another tolerance and, for a truncated stiffness, with more harmonics, and
-computes the largest Lyapunov exponent of the motion. Its label follows from these rules:
+The steady state of a damped mesh does not depend on the method and length of the simulation or on
+small changes of the initial state. `trust` repeats a simulation over a longer time, from a
+disturbed state, by another method, with another tolerance and, if the stiffness is a truncated
+Fourier series, with more harmonics. It also computes the largest Lyapunov exponent of the motion.
+The label of the motion follows from these rules:
 
 =================  ===========================================================================
 label              rule
 =================  ===========================================================================
-periodic           the longer run, and all others that have settled, repeat after the same number
-                   of mesh periods; perturbations decay, and the extrema of all runs agree in
-                   at least `MIN_DIGITS` digits
+periodic           the longer run and all other settled runs repeat after the same number of mesh
+                   periods, perturbations decay, and the extrema of all runs agree to at least
+                   `MIN_DIGITS` digits
 unbounded          the motion exceeds `Model.bound`, or it is large and still grows, and no run
                    repeats
 chaotic            perturbations grow: the exponent exceeds three times its uncertainty, and the
@@ -31,7 +32,7 @@ import xarray as xr
 from gearlib import checks, integrators
 from gearlib.analysis import lyapunov
 from gearlib.data import status
-from gearlib.data.result import result, stacked
+from gearlib.data.result import evaluate_on_grid, make_result
 from gearlib.engines import orbit
 from gearlib.models.profiles import Fourier
 from gearlib.parameters import Count, Positive, checked
@@ -41,9 +42,9 @@ from gearlib.runs.simulation import run
 
 LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided", "unbounded")
 
-#: Decimal digits in which the extrema of all runs must agree if the motion is periodic.
+#: Number of decimal digits to which the extrema of all runs must agree if the motion is periodic.
 MIN_DIGITS = 4
-#: Largest number of digits in a scan: more would depend on rounding errors.
+#: Largest number of digits in a dataset; more digits would depend on rounding errors.
 _MAX_DIGITS = 10.0
 #: Perturbations decay if the logarithm of their total growth is below this.
 _DECAY_THRESHOLD = -3.0
@@ -51,7 +52,7 @@ _DECAY_THRESHOLD = -3.0
 
 @dataclass(frozen=True)
 class Trust:
-    """Classification of the motion at one tuning, with the runs and the exponent behind it."""
+    """Classification of the motion at one tuning, with the runs and the exponent it is based on."""
 
     label: str  #: one of `LABELS`
     message: str  #: the reason in one sentence
@@ -83,18 +84,19 @@ def trust(
     tuning : float
         Ratio of mesh frequency to mean eigenfrequency, nu.
     periods, record_periods : int
-        Mesh periods of a run, and of the record at its end; the longer run has four times as many
-        mesh periods. With run-out, at least one period of the run-out is recorded, and `periods`
-        must exceed the transient and two periods of the run-out.
+        Number of mesh periods of a run, and of the record at its end; the longer run has four times
+        as many mesh periods. With run-out, at least one period of the run-out is recorded, and
+        `periods` must exceed the transient plus two periods of the run-out.
     initial_state : tuple of float
-        Displacement in static deflections and dx/dtau at tau = 0.
+        Displacement in units of the static deflection and dx/dtau at tau = 0.
     disturbance : float
-        Change of the initial displacement in the disturbed run, in static deflections.
+        Change of the initial displacement in the disturbed run, in units of the static deflection.
     exponent_periods : int
-        Mesh periods over which the Lyapunov exponent is averaged, after a transient of `periods`.
+        Number of mesh periods over which the Lyapunov exponent is averaged, after a transient of
+        `periods` mesh periods.
     max_seconds : float, optional
-        Seconds after which no other run begins: the motion is then undecided, and the attribute
-        `missing` of the runs lists the runs that were left out, see `gearlib.progress`.
+        Time limit in seconds, after which no further run begins. The motion is then undecided, and
+        the attribute `missing` of the runs lists the omitted runs; see `gearlib.progress`.
 
     Returns
     -------
@@ -115,7 +117,8 @@ def trust(
     initial_state = model.check_state(initial_state)
     limit = TimeLimit(max_seconds)
     names, methods, runs = [], [], []
-    cases = [  # (name, model, changed arguments) of each run
+    # Name, model and changed arguments of each run.
+    cases = [
         ("as asked", model, {}),
         ("longer", model, {"periods": 4 * periods}),
         ("disturbed", model, {"initial_state": model.disturbed_state(initial_state, disturbance)}),
@@ -148,10 +151,12 @@ def trust(
         "method": ", ".join(dict.fromkeys(methods)),
         "exponent_periods": exponent_periods,
     }
-    table = result("Runs of one point in several ways", model, data, {"run": names}, **attributes)
+    table = make_result(
+        "Runs of one point in several ways", model, data, {"run": names}, **attributes
+    )
     table = limit.record_missing(table, missing)
     if missing:
-        message = f"the time of max_seconds ended before: {', '.join(missing)}"
+        message = f"the time limit max_seconds left no time for: {', '.join(missing)}"
         return Trust("undecided", message, 0, math.nan, math.nan, math.nan, table)
     return classify_motion(table, exponent, model.repeats)
 
@@ -178,18 +183,18 @@ def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
 
     title = "Labels of the motion of a gear mesh"
     coords = {"tuning": np.asarray(tunings, float)}
-    data = stacked({"tuning": tunings}, variables)
-    dataset = result(title, model, data, coords, method="several", **options)
-    dataset["label"].attrs |= status.flags_of(LABELS)
+    data = evaluate_on_grid({"tuning": tunings}, variables)
+    dataset = make_result(title, model, data, coords, method="several", **options)
+    dataset["label"].attrs |= status.flag_attributes(LABELS)
     return dataset
 
 
 def _comparison_cases(model: Any) -> Iterator[tuple]:
-    """Yield (name, model, changed arguments of `run`) of each run for comparison by another method.
+    """Yield (name, model, changed arguments of `run`) of the runs that use different methods.
 
-    A run uses the second of the automatic integration methods, if two of them support the model; a
-    finer tolerance of the Taylor method; or, if the mesh stiffness is a truncated Fourier series,
-    twice as many harmonics.
+    The runs use the second of the automatic integration methods if two of them support the model,
+    a tighter tolerance of the Taylor method, and twice as many harmonics if the mesh stiffness is a
+    truncated Fourier series.
     """
     methods = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].supports(model)]
     if len(methods) > 1:
@@ -205,9 +210,8 @@ def _comparison_cases(model: Any) -> Iterator[tuple]:
 def classify_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
     """Classify a motion from several runs and its largest Lyapunov exponent.
 
-    `runs` is a dataset along ``run`` with displacement_max, displacement_min, period (0 if the run
-    does not repeat) and status of each run, and `repeats` is the period of the excitation in mesh
-    periods.
+    `runs` is a dataset over ``run`` with displacement_max, displacement_min, period (0 if the run
+    does not repeat) and status. `repeats` is the period of the excitation in mesh periods.
     """
     label, message = _choose_label(runs, exponent, repeats)
     period, digits = 0, math.nan
@@ -218,12 +222,12 @@ def classify_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int 
 
 
 def _choose_label(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
-    """Return (label, message) of a motion by the first rule that applies.
+    """Return the label of a motion and a message with the reason, by the first rule that applies.
 
-    `runs` is a dataset along ``run`` with displacement extrema, period and status code of each run,
-    and `repeats` the period of the excitation in mesh periods. The rules, in this order: unbounded,
-    undecided if runs disagree about this or have failed, chaotic if perturbations grow, periodic if
-    they decay and the runs agree, quasi-periodic if no run repeats.
+    `runs` is a dataset over ``run`` with displacement extrema, period and status code, and
+    `repeats` is the period of the excitation in mesh periods. The rules are, in this order:
+    unbounded; undecided if some runs are unbounded or have failed; chaotic if perturbations grow;
+    periodic if they decay and the runs agree; quasi-periodic if no run repeats.
     """
     names, status_codes = runs.run.values, runs.status.values
     overflowed = status_codes == status.OVERFLOW
@@ -231,54 +235,53 @@ def _choose_label(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -
     periods = set(runs.period.values.tolist())  # 0 for a run that does not repeat
     if (diverges or overflowed.all()) and periods == {0}:
         return "unbounded", status.MESSAGES[status.OVERFLOW]
-    # The run that computes the exponent, for messages.
-    variational = "the variational run"
+    variational = "the variational run"  # computes the exponent
     if diverges or overflowed.any():
         unbounded = ", ".join(names[overflowed]) or variational
-        return "undecided", f"some runs grow without bound, others do not: {unbounded}"
+        return "undecided", f"only some runs grow without bound: {unbounded}"
     failed = status_codes != status.OK
     if failed.any() or math.isnan(exponent.value):
-        return "undecided", f"failed runs: {', '.join(names[failed]) or variational}"
+        return "undecided", f"some runs failed: {', '.join(names[failed]) or variational}"
     if exponent.positive:
-        length = f"{1.0 / exponent.value:.3g} mesh periods"
-        return "chaotic", f"perturbations grow by a factor e every {length}"
+        growth_time = f"{1.0 / exponent.value:.3g} mesh periods"
+        return "chaotic", f"perturbations grow by a factor of e every {growth_time}"
     if exponent.log_growth < _DECAY_THRESHOLD:
         return _label_stable_motion(runs, periods, repeats)
-    neither = "perturbations neither grow nor decay"
+    reason = "perturbations neither grow nor decay exponentially"
     if periods == {0}:
-        return "quasi-periodic", f"no run repeats; {neither} exponentially"
-    return "undecided", f"{neither}, yet some run repeats: run more periods"
+        return "quasi-periodic", f"no run repeats, and {reason}"
+    return "undecided", f"{reason}, but some run repeats: increase periods"
 
 
 def _label_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
-    """Return (label, message) of a motion whose perturbations decay: "periodic" or "undecided".
+    """Return the label, "periodic" or "undecided", and its reason if perturbations decay.
 
-    `runs` is a dataset along ``run`` with displacement extrema and period of each run. `periods`
-    are the different periods of the runs in mesh periods, 0 for a run that does not repeat, and
-    `repeats` is the period of the excitation in mesh periods.
+    `runs` is a dataset over ``run`` with displacement extrema and period. `periods` is the set of
+    the periods of all runs in mesh periods, 0 for a run that does not repeat. `repeats` is the
+    period of the excitation in mesh periods.
     """
     if "longer" in runs.run and int(runs.period.sel(run="longer")):
-        # The other runs need not have settled yet, if their extrema are those of the longer run.
+        # The other runs need not have settled if their extrema agree with those of the longer run.
         periods = periods - {0}
     if periods == {0} or len(periods) > 1:
-        message = "perturbations decay, but not all runs repeat: run more periods to settle"
+        message = "perturbations decay, but the runs do not repeat alike: increase periods"
         if repeats > 1:
-            message += f", and beyond that two repeats of the run-out, of {repeats} periods each"
+            message += f" to more than the transient plus two run-out periods of {repeats} each"
         return "undecided", message
     digits = _count_agreeing_digits(runs)
     if digits < MIN_DIGITS:
-        reason = "more than one orbit attracts, or its period is more than record_periods"
-        agreement = f"their extrema agree in {max(digits, 0.0):.1f} digits only"
-        return "undecided", f"every run repeats, but {agreement}: {reason}; see the runs"
-    return "periodic", f"all runs agree in {digits:.1f} digits"
+        reason = "there are several attractors, or the period exceeds record_periods"
+        agreement = f"their extrema agree to only {max(digits, 0.0):.1f} digits"
+        return "undecided", f"the runs repeat, but {agreement}: {reason}; compare the runs"
+    return "periodic", f"all runs agree to {digits:.1f} digits"
 
 
 def _count_agreeing_digits(runs: xr.Dataset) -> float:
-    """Return the number of decimal digits in which the displacement extrema of all runs agree.
+    """Return the number of decimal digits to which the displacement extrema of all runs agree.
 
-    `runs` is a dataset along ``run`` with displacement_max and displacement_min. The number is
-    minus the decimal logarithm of the largest difference over the displacement range of the first
-    run, so it is negative if the difference is larger than the range.
+    `runs` is a dataset over ``run`` with displacement_max and displacement_min. The number is
+    -log10(largest difference / displacement range of the first run). It is negative if the
+    difference exceeds the range.
     """
     maxima, minima = runs.displacement_max.values, runs.displacement_min.values
     displacement_range = np.maximum(maxima[0] - minima[0], np.finfo(float).tiny)

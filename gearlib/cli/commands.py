@@ -168,7 +168,7 @@ def _select_maximum(dataset, values, dimension):
 def simulate(gears, model, tuning, samples, **run_options):
     """Run the gears at one speed: time history, contact events, orbit."""
     from gearlib.analysis.duty_point import si_variables
-    from gearlib.data.result import result
+    from gearlib.data.result import make_result
 
     # `gears` is unused; `run_options` are the other options of the command.
     run_options |= {"tuning": tuning, "samples_per_period": samples}
@@ -180,7 +180,9 @@ def simulate(gears, model, tuning, samples, **run_options):
     if not model.mesh_names:  # Only trains have names of meshes.
         variables = si_variables(run, model)
         variables = {name: value for name, value in variables.items() if name not in run}
-        output.print_dataset(result("Duty point of a gear mesh", model, variables, method="run"))
+        output.print_dataset(
+            make_result("Duty point of a gear mesh", model, variables, method="run")
+        )
     return run, lambda plot: plot.time_course(run)
 
 
@@ -239,9 +241,9 @@ def _sweep_up_and_down(gears, model, tunings, **run_options):
 
     from gearlib.data import motions
     from gearlib.figures import gear_geometry_figure
-    from gearlib.studies.teeth_over_speed import over_speed
+    from gearlib.studies.teeth_over_speed import sweep_speeds
 
-    curves = over_speed(model, model.speed(np.sort(tunings)), gears.geometry.speed, **run_options)
+    curves = sweep_speeds(model, model.speed(np.sort(tunings)), gears.geometry.speed, **run_options)
     if not curves.get("complete", True):
         click.echo("The sweeps were stopped at the time limit --max-seconds.")
     # Only some of the speeds, evenly distributed, are printed.
@@ -450,7 +452,7 @@ def scatter(gears, model, quantity, samples, points, **run_options):
     designs = gearlib.scatter(source, tolerances, quantity, samples, **run_options)
     for text in refused(designs):
         click.echo(click.wrap_text(text, output.WIDTH))
-    header, *rows = tolerance_study.rows(designs)
+    header, *rows = tolerance_study.table_rows(designs)
     table = pandas.DataFrame(rows, columns=header).replace({"unit": WRITTEN_UNITS})
     if rows:
         output.print_table(table.set_index("quantity"))
@@ -499,14 +501,14 @@ def _scatter_source_and_tolerances(
         raise click.UsageError(
             "these tolerances need gears given by geometry, not --model six_degrees or train"
         )
-    from gearlib.studies.tolerance_study import nominal_design
+    from gearlib.studies.tolerance_study import build_nominal_design
     from gearlib.uncertainty.quality_classes import by_class
 
     # With a thickness class, the backlash follows from the tooth thicknesses.
     stage = gears.geometry.geometry_dict() | ({"backlash": None} if thickness else {})
     for gear in ("pinion", "wheel") if quality else ():
         stage[gear] = stage[gear] | {"quality": quality}
-    source = nominal_design(model.as_dict(), stage)
+    source = build_nominal_design(model.as_dict(), stage)
     # The profile form varies only if a quality class is given.
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
     return source, by_class(source.stage, **classes) | tolerances
@@ -585,7 +587,7 @@ def gears(format, save, plot, force, **values):
     if section.speed and gears.damping != NO_DAMPING:
         model = gears.model()
         point = section.speed, section.driving_torque()
-        rows += gear_table.duty_rows(model, *point, gears.stiffness(model))
+        rows += gear_table.duty_point_rows(model, *point, gears.stiffness(model))
     if format == "text":
         click.echo(gears.name)
     output.print_gear_table(rows, format)

@@ -1,4 +1,4 @@
-"""Atomic writing of files, tables in CSV and HTML, canonical JSON and the hash of the sources."""
+"""Atomic writing of files, CSV and HTML tables, canonical JSON and the source hash."""
 
 import csv
 import hashlib
@@ -28,17 +28,17 @@ td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 </table>
 </html>
 """
-#: Source files that determine the hash in datasets: the library, or the files that a task declares.
-_sources = sorted(Path(__file__).parents[1].rglob("*.py"))
+#: Files that determine `source_hash`: the library, unless `set_source_files` replaces them.
+_source_files = sorted(Path(__file__).parents[1].rglob("*.py"))
 
 
 @contextmanager
-def replacing(path):
-    """Yield a temporary path to write to, and replace `path` by it if the block succeeds.
+def atomic_write(path):
+    """Yield a temporary path to write to; move it to `path` if the block succeeds.
 
-    The replacement is atomic: no reader sees an incomplete file. Missing folders are created. The
-    temporary file lies in the same folder and has the suffix of `path`. If the block raises an
-    error, the temporary file is removed.
+    The move is atomic, so that no reader sees an incomplete file. Missing folders are created. The
+    temporary file is in the same folder and has the suffix of `path`; it is removed if the block
+    raises an error.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,59 +50,60 @@ def replacing(path):
         temporary.unlink(missing_ok=True)
 
 
-def remove_leftovers(folder):
-    """Remove the temporary files that killed processes have left in `folder` and its subfolders.
+def remove_temporary_files(folder):
+    """Remove temporary files that killed processes left in `folder` and its subfolders.
 
-    The names of such files are a dot, the number of the process, a dot and the name of the final
-    file. No other process may write there at the same time, because its temporary files would be
-    removed too.
+    Their names are ".<process id>.<final name>". No other process may write there at the same time,
+    because its temporary files would be removed, too.
     """
     for path in folder.rglob(".*"):
         if re.match(r"\.\d+\.", path.name):
             path.unlink(missing_ok=True)
 
 
-def write_table(rows, path):
-    """Write rows of cells to a CSV file atomically; the first row is the header."""
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+def write_csv(rows, path):
+    """Write rows, of which the first is the header, to a CSV file atomically."""
+    with (
+        atomic_write(path) as temporary,
+        open(temporary, "w", newline="", encoding="utf-8") as file,
+    ):
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 
-def write_table_page(csv_path, path, caption=""):
-    """Write the table in a CSV file to an HTML page, atomically.
+def write_html_table(csv_path, path, caption=""):
+    """Write the table in a CSV file to an HTML page atomically, with `caption` above the table.
 
-    The text `caption` stands above the table. The first row of the CSV file is the header, in which
-    ``_`` becomes a space.
+    The first row of the CSV file is the header; underscores in it become spaces.
     """
 
-    def html_row(tag, cells):
+    def format_row(tag, cells):
         """Return a row of the HTML table; `tag` is "th" for header cells, "td" for others."""
         html_cells = [f"<{tag}>{escape(cell)}</{tag}>" for cell in cells]
         return f"<tr>{''.join(html_cells)}</tr>"
 
     with open(csv_path, newline="", encoding="utf-8") as file:
         header, *body = csv.reader(file)
-    rows = [html_row("th", [name.replace("_", " ") for name in header])]
-    rows += [html_row("td", cells) for cells in body]
+    rows = [format_row("th", [name.replace("_", " ") for name in header])]
+    rows += [format_row("td", cells) for cells in body]
     title = escape(Path(csv_path).stem.replace("_", " "))
-    with replacing(path) as temporary:
+    with atomic_write(path) as temporary:
         page = _PAGE_TEMPLATE.format(title=title, caption=escape(caption), rows="\n".join(rows))
         temporary.write_text(page, "utf-8")
 
 
 def canonical_json(value):
-    """Return a value as compact JSON with sorted keys, so that equal values give equal strings.
+    """Return `value` as compact JSON with sorted keys, so that equal values give equal strings.
 
-    Infinite numbers become "inf" or "-inf"; fractions and numpy scalars become plain numbers.
+    Infinite numbers become "inf" or "-inf"; fractions and NumPy scalars become plain numbers.
     """
 
     def to_json_types(value):
-        """Return the value with dicts, lists, strings and plain numbers only, also inside."""
+        """Convert a value recursively to dicts, lists, strings and plain numbers."""
         if isinstance(value, dict):
             return {str(key): to_json_types(item) for key, item in value.items()}
         if isinstance(value, (list, tuple)):
             return [to_json_types(item) for item in value]
-        if hasattr(value, "item") and not hasattr(value, "__len__"):  # a numpy scalar
+        if hasattr(value, "item") and not hasattr(value, "__len__"):  # a NumPy scalar
             value = value.item()
         if isinstance(value, Fraction):
             value = float(value)
@@ -114,19 +115,19 @@ def canonical_json(value):
     return json.dumps(plain_value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def declare_sources(paths):
-    """Set the files whose names and contents determine `source_hash`, in this order."""
-    _sources[:] = map(Path, paths)
+def set_source_files(paths):
+    """Set the files whose names and contents, in this order, determine `source_hash`."""
+    _source_files[:] = map(Path, paths)
 
 
 def source_hash():
     """Return the first 16 hexadecimal digits of the SHA-256 hash of the source files.
 
-    They are the files set by `declare_sources`, by default all files of the library. Datasets store
-    the hash, which shows by which program they were computed.
+    These are the files set by `set_source_files`, by default all modules of the library. Datasets
+    store the hash, so that the code that computed them can be identified.
     """
     digest = hashlib.sha256()
-    for path in _sources:
-        # The folder does not count, so that the hash is the same on all machines.
+    for path in _source_files:
+        # The folder is not hashed, so that the hash is the same on all machines.
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]

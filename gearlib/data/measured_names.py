@@ -1,22 +1,22 @@
-"""Names of measured quantities: observableId -> CF units and description.
+"""Names of measured quantities (observableId), with CF units and descriptions.
 
-A name may have a suffix that says which quantity it is, as in ``acceleration_bearing_2``.
+A name may have a suffix, e.g. for the location of a sensor, as in ``acceleration_bearing_2``.
 """
 
-#: Quantities that become coordinates, such as the time.
+#: Quantities that become coordinates.
 COORDINATES = {
     "time": ("s", "time"),
     "speed": ("min-1", "speed of the gear whose revolutions count"),
     "direction": ("1", "1: speed going up, -1: down, 0: each from rest"),
     "condition": ("1", "simulationConditionId"),
 }
-#: Speeds at which the motion changes, single numbers.
+#: Speeds at which the motion changes; each is a single number.
 SPEEDS = {
     "jump_up": ("min-1", "speed at which the motion jumps while the speed goes up"),
     "jump_down": ("min-1", "speed at which the motion jumps while the speed goes down"),
     "onset_of_contact_loss": ("min-1", "speed from which contact is lost"),
 }
-#: Units "" stand for the units of the measured channel.
+#: If the units are "", the observable has the units of the measured channel.
 OBSERVABLES = {
     "displacement": ("m", "relative mesh displacement"),
     "displacement_max": ("m", "largest displacement"),
@@ -57,11 +57,11 @@ _WRITTEN_UNITS = {"min-1": "rpm", "m s-1": "m/s", "m s-2": "m/s^2"}
 def units_and_description(name):
     """Return (CF units, description) of a measured quantity, or None if its name is unknown.
 
-    Names of observables may have a suffix, as in ``acceleration_bearing_2``, which is added to the
-    description; names of coordinates and speeds may not.
+    A suffix of an observable, as in ``acceleration_bearing_2``, is appended to the description.
+    Coordinates and speeds must have no suffix.
     """
     base_names = [base for base in KNOWN_QUANTITIES if name == base or name.startswith(f"{base}_")]
-    # The longest name counts, as "displacement_max" begins with "displacement" too.
+    # "displacement_max" also begins with "displacement"; the longest match is the base name.
     base_name = max(base_names, key=len, default=None)
     if base_name is None or (base_name != name and base_name not in OBSERVABLES):
         return None
@@ -70,10 +70,10 @@ def units_and_description(name):
 
 
 def allowed_units(units):
-    """Return the units that a measured channel may have, as a list of (CF, usual notation).
+    """Return the units that a measured channel may have, as a list of (CF, customary notation).
 
-    `units` are the CF units of the observable, or "" for an amplitude, which may have any of
-    `_AMPLITUDE_UNITS`. The unit "1" means that values are relative to a scale of the model.
+    `units` are the CF units of the observable; if they are "", all `_AMPLITUDE_UNITS` are allowed.
+    The unit "1" is for values relative to a scale of the model, such as the static deflection.
     """
     allowed = _AMPLITUDE_UNITS if units == "" else (units,)
     if units in ("m", "N", "m s-1", "m s-2"):

@@ -1,23 +1,23 @@
-"""Contact loss, growth and settling of the motion in a dataset."""
+"""Contact loss, boundedness and settling of motions, evaluated from datasets of runs."""
 
 import numpy as np
 
-#: Fractions of time that differ by less count as equal, because of rounding errors.
+#: Differences of time fractions below this value may be rounding errors.
 FRACTION_TOLERANCE = 1e-9
-#: Line width of a plot relative to the width of an orbit: 0.3 mm in a phase plane of 3 cm.
+#: Line width relative to the width of the plotted orbit: 0.3 mm in a phase plane of 3 cm.
 LINE_WIDTH = 0.01
-#: Largest displacement, relative to the extent of the model, of motions that count as bounded.
+#: Motions with larger displacements, relative to the size of the model, count as unbounded.
 MAX_RELATIVE_DISPLACEMENT = 1e3
 
 
-def float_array(numbers):
-    """Return numbers as an array of floats, or an empty array if they are not all numbers.
+def as_float_array(numbers):
+    """Return a number or a sequence of numbers as an array of floats.
 
-    `numbers` is a number or a sequence. The caller can reject an empty array with its own message.
+    If it contains anything but numbers, return an empty array, which the caller can reject.
     """
     try:
         array = np.asarray(numbers)
-        # Bool and text arrays do not count as numbers; object arrays may hold numbers.
+        # Booleans and strings are not numbers; object arrays may contain numbers.
         if array.dtype.kind in "iufO":
             return array.astype(float, copy=False)
         return np.empty(0)
@@ -26,13 +26,12 @@ def float_array(numbers):
 
 
 def true_intervals(condition):
-    """Return (first index, last index) of each interval of true values in a sequence.
+    """Return (first index, last index) of each run of consecutive true values.
 
-    `condition`, shape (n,), holds the bool values; an interval is a run of successive true values.
+    `condition` is a sequence of n bools.
     """
     padded = np.concatenate([[0], np.asarray(condition, np.int8), [0]])
     changes = np.flatnonzero(np.diff(padded))
-    # Intervals start at the even changes and end before the odd changes.
     starts, ends = changes[::2], changes[1::2]
     return [(int(start), int(end) - 1) for start, end in zip(starts, ends, strict=True)]
 
@@ -44,10 +43,10 @@ def largest_force(data):
 
 
 def force_ratio(data):
-    """Return the ratio of largest to static mesh force in a dataset.
+    """Return the largest mesh force over its static value, from a dataset.
 
-    It is called dynamic_factor in models with pairs of teeth under load, and peak_force_ratio in
-    models with a given stiffness.
+    It is called dynamic_factor in models with load sharing between tooth pairs, else
+    peak_force_ratio.
     """
     if "dynamic_factor" in data:
         return data["dynamic_factor"]
@@ -55,11 +54,11 @@ def force_ratio(data):
 
 
 def mask_unbounded(sweep, extent):
-    """Return a result of `gearlib.sweep` with NaN at tunings where the motion is unbounded.
+    """Replace the variables of a sweep by NaN at tunings where the motion is unbounded.
 
-    `extent` is the largest length of the model, such as its backlash, in static deflections.
-    Motions beyond `MAX_RELATIVE_DISPLACEMENT` times this length count as unbounded. Integer
-    variables such as the status are kept.
+    A motion counts as unbounded if its displacement exceeds `MAX_RELATIVE_DISPLACEMENT` times
+    `extent`, the largest length of the model, e.g. its backlash, in units of the static deflection.
+    Integer variables such as the status are kept. `sweep` is a result of `gearlib.sweep`.
     """
     displacement = np.maximum(abs(sweep.displacement_max), abs(sweep.displacement_min))
     other_dims = [dim for dim in displacement.dims if dim != "tuning"]
@@ -72,29 +71,29 @@ def mask_unbounded(sweep, extent):
 
 
 def period_spread(run):
-    """Return the largest difference of displacements at the same phase of different mesh periods.
+    """Return the largest difference of the displacement between mesh periods at equal phase.
 
-    It is relative to the peak-to-peak displacement. `run` is a result of `gearlib.simulate`. If it
-    is below `LINE_WIDTH`, all mesh periods coincide in plots.
+    It is relative to the peak-to-peak displacement; below `LINE_WIDTH`, all mesh periods coincide
+    in plots. `run` is a result of `gearlib.simulate`.
     """
     import pandas
 
-    # Samples at the same phase of a mesh period form a group.
+    # Samples at the same phase of their mesh periods form a group.
     phases = np.round(run.phase.values / (2.0 * np.pi) % 1.0, 9) % 1.0
     groups = pandas.Series(run.displacement.values).groupby(phases)
     return float((groups.max() - groups.min()).max() / np.ptp(run.displacement.values))
 
 
 def describe_unsettled(run):
-    """Return a phrase that a run has not become periodic, with the mesh periods followed."""
+    """Return "not settled after ... mesh periods", for a run that has not become periodic."""
     return f"not settled after {int(run.followed)} mesh periods"
 
 
 def describe_settling(run):
-    """Return a phrase on the periodic orbit that a run reaches after its record.
+    """Describe in a phrase on which periodic orbit a run settles after its record, if any.
 
     `run` is a result of `gearlib.simulate`. Its variable `period` is the number of mesh periods
-    after which the motion repeats, 0 if it has not settled, that is, become periodic.
+    after which the motion repeats, 0 if it has not settled.
     """
     period = int(run.period)
     if period == 0:
@@ -104,25 +103,24 @@ def describe_settling(run):
 
 
 def describe_steadiness(run):
-    """Return a phrase on whether the mesh periods of a run coincide in a plot, and how it settles.
+    """Describe in a phrase whether the mesh periods of a run coincide in a plot, and if it settles.
 
-    `run` is a result of `gearlib.simulate`; its `period` is the number of mesh periods after which
-    the motion repeats once it has settled, that is, become periodic.
+    `run` is a result of `gearlib.simulate`.
     """
     settling = describe_settling(run)
     if period_spread(run) > LINE_WIDTH:
         return f"unsteady, {settling}"
     if int(run.period) == 1:
         return "steady, 1 mesh period"
-    # Mesh periods may coincide within the width of a line before the run settles.
+    # Mesh periods may coincide within the line width before the run has settled.
     return f"a single line, {settling}"
 
 
 def describe_contact_loss(sweeps):
-    """Return a sentence on the speeds at which pairs of teeth lose contact in sweeps.
+    """Describe in a sentence at which speeds tooth pairs lose contact, and their dynamic factor.
 
-    `sweeps` is a dataset of one or more results of `gearlib.sweep`, over ``tuning`` (mesh frequency
-    over natural frequency) and possibly further dimensions.
+    `sweeps` is a dataset of results of `gearlib.sweep` over ``tuning`` and possibly further
+    dimensions.
     """
     other_dims = [dim for dim in sweeps.contact_loss_fraction.dims if dim != "tuning"]
     loses_contact = (sweeps.contact_loss_fraction > FRACTION_TOLERANCE).any(other_dims).values
@@ -133,24 +131,21 @@ def describe_contact_loss(sweeps):
         if end > start:
             interval += f" to {speeds[end]:.0f}"
         intervals.append(interval)
-    contact = "keep contact"
-    if intervals:
-        contact = f"lose contact at {', '.join(intervals)} rpm"
-    factor = float(sweeps.dynamic_factor.max())
-    return f"Pairs of teeth {contact}; their largest dynamic factor is {factor:.3g}."
+    contact = f"lose contact at {', '.join(intervals)} rpm" if intervals else "keep contact"
+    dynamic_factor = float(sweeps.dynamic_factor.max())
+    return f"Pairs of teeth {contact}; their largest dynamic factor is {dynamic_factor:.3g}."
 
 
-def describe(run, start="rest"):
-    """Return a sentence on the period and the contact loss of a run of `gearlib.simulate`.
+def describe_motion(run, start="rest"):
+    """Describe in a sentence the period and the contact loss of a run of `gearlib.simulate`.
 
-    `start` names the state from which the motion started. If the run failed, its status is not 0,
-    and the sentence is the message of the status.
+    `start` names the initial state. If the run failed, return the message of its status.
     """
     if int(run.status):
         return run.status.attrs["message"]
     period = int(run.period)
     if period == 0:
-        motion = f"has {describe_unsettled(run)}"  # It has not become periodic.
+        motion = f"has {describe_unsettled(run)}"
     elif period == 1:
         motion = "repeats every mesh period"
     else:

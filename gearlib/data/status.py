@@ -48,15 +48,15 @@ MESSAGES = {
 }
 
 
-def flags_of(names, first_code=0):
-    """Return the attributes of a dataset variable that name its integer codes.
+def flag_attributes(names, first_code=0):
+    """Return the attributes flag_values and flag_meanings for a variable of integer codes.
 
-    The codes are `first_code`, `first_code` + 1, ... in the order of `names`. Spaces and hyphens in
-    the names become underscores, as the CF conventions for flag_meanings require.
+    The codes are `first_code`, `first_code + 1`, ... in the order of `names`. Spaces and hyphens in
+    names become underscores, as the CF conventions require for flag_meanings.
     """
     meanings = " ".join(name.replace(" ", "_").replace("-", "_") for name in names)
     codes = np.arange(first_code, first_code + len(names), dtype=np.int8)
     return {"flag_values": codes, "flag_meanings": meanings}
 
 
-CONTACT_FLAGS = flags_of(CONTACTS, first_code=-1)
+CONTACT_FLAGS = flag_attributes(CONTACTS, first_code=-1)

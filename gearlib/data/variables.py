@@ -1,17 +1,19 @@
 """Names, units and descriptions of all variables of datasets.
 
-Displacements are in static deflections F / C_s, times are mesh phase (rad), so that velocities are
-dx/dtau; the scale variables convert them to SI units.
+Displacements are in units of the static deflection F / C_s, and time is the mesh phase tau in rad,
+so that velocities are dx/dtau. The scale variables convert them to SI units.
 """
 
 from gearlib.engines.summary_columns import COLUMNS
 
-#: Coordinates that are numbers of something, counted from 0.
-_NUMBERED = "event start sample branch locus tongue point variation orbit attractor".split()
-#: name -> (CF units, long_name)
+#: Coordinates that are indices, starting from 0.
+_INDEX_COORDINATES = (
+    "event start sample branch locus tongue point variation orbit attractor".split()
+)
+#: Name of a variable -> (CF units, long_name).
 DESCRIPTIONS = {
     # coordinates
-    **{name: ("1", f"number of the {name}") for name in _NUMBERED},
+    **{name: ("1", f"number of the {name}") for name in _INDEX_COORDINATES},
     "phase": ("rad", "mesh phase, 2 pi per mesh period"),
     "tuning": ("1", "tuning nu, mesh frequency over mean eigenfrequency"),
     # time courses
@@ -364,7 +366,7 @@ DESCRIPTIONS = {
     "tuning_factor_min": ("1", "tuning towards the minimum stiffness over tuning"),
 }
 
-#: Variable of a run -> the scalar variable of its dataset that converts it to SI units.
+#: Variable of a run -> scalar variable of the same dataset that converts it to SI units.
 SI_SCALES = {
     "displacement": "static_deflection",
     "velocity": "velocity_scale",
@@ -373,7 +375,7 @@ SI_SCALES = {
     "stiffness": "stiffness_scale",
 }
 
-#: Name -> (CF units, long_name) of quantities of a design with tolerances.
+#: Quantity of a design with tolerances -> (CF units, long_name).
 QUANTITIES = {
     "jump_up": ("min-1", "speed of the jump of the main resonance, running up"),
     "jump_down": ("min-1", "speed at which the main resonance falls, running down"),
@@ -389,12 +391,12 @@ QUANTITIES = {
     "least_load_sharing": ("1", "least mean force of a mesh over that of its branches, duty point"),
 }
 
-#: Suffix of the name of a variable with a range over initial states -> its description.
+#: Suffixes of variables for the range over several initial states, with their descriptions.
 _RANGE_SUFFIXES = {"low": "least of all starts", "high": "most of all starts"}
 CONTACTS = ("coast", "no_contact", "drive")
 STATUSES = ("ok", "event_limit", "unbounded", "not_converged", "stalled", "jammed", "unresolved")
 STATUSES += ("no_start",)
-#: Variables that hold codes -> (first code, names of the codes).
+#: Variable of integer codes -> (first code, names of the codes).
 _CODES = {
     "contact": (-1, CONTACTS),
     "event_from": (-1, CONTACTS),
@@ -403,12 +405,12 @@ _CODES = {
 }
 
 
-def _description(name, is_text):
+def _units_and_long_name(name, is_text):
     """Return (CF units, long_name) of the variable `name`.
 
-    Names with the suffix ``_low`` or ``_high`` stand for the range of a variable over several
-    initial states. A string variable (`is_text`) without a description is described by its name.
-    Raises KeyError for any other name without a description.
+    The suffixes ``_low`` and ``_high`` mark the range of a variable over several initial states. If
+    `is_text`, i.e. for a string variable, the name is the default description. Raise KeyError for
+    any other variable without a description.
     """
     base_name, _, suffix = name.rpartition("_")
     if name not in DESCRIPTIONS and suffix in _RANGE_SUFFIXES:
@@ -419,19 +421,19 @@ def _description(name, is_text):
     return DESCRIPTIONS[name]
 
 
-def describe(dataset, model=None):
-    """Add units, long_name and names of codes to all variables of `dataset`, and return it.
+def add_metadata(dataset, model=None):
+    """Add the attributes units, long_name and flag_meanings to all variables of `dataset`.
 
-    The dataset is changed in place. ``model.long_names`` replaces descriptions, where a `model` is
-    given. Variables that already have units keep their attributes. Raises KeyError if a numeric
-    variable has no description.
+    The dataset is changed in place and returned. If a `model` is given, ``model.long_names``
+    overrides descriptions. Variables that already have units are skipped. Raise KeyError if a
+    numeric variable has no description.
     """
     model_names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
         if "units" in variable.attrs:
             continue
-        is_text = variable.dtype.kind in "OUST"  # objects and strings of numpy
-        units, long_name = _description(name, is_text)
+        is_text = variable.dtype.kind in "OUST"  # NumPy kinds of objects and strings
+        units, long_name = _units_and_long_name(name, is_text)
         if not is_text:
             variable.attrs["units"] = units
         variable.attrs["long_name"] = model_names.get(name, long_name)

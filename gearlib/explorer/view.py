@@ -15,7 +15,7 @@ from gearlib.models.from_values import build_model
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
-from gearlib.studies.teeth_over_speed import SPEED_RANGE, over_speed
+from gearlib.studies.teeth_over_speed import SPEED_RANGE, sweep_speeds
 
 #: Mesh periods of the time history that is drawn, and samples of each.
 SHOWN_PERIODS, SAMPLES = 3, 256
@@ -82,7 +82,7 @@ def compute_view(mapping: dict, damping: str) -> View:
     without_errors = pairs_of_teeth.replace(pitch_errors=(0.0,))
     periods = {"periods": _PERIODS, "record_periods": _RECORDED}
     speeds = np.linspace(min_speed, max_speed, _SPEEDS)
-    curves = over_speed(without_errors, speeds, speed, **periods)
+    curves = sweep_speeds(without_errors, speeds, speed, **periods)
     # The same teeth meet again after as many mesh periods as there are pitch errors.
     repeat_periods = len(stage.pitch_errors)
     max_phases = _HELICAL_PHASES if stage.overlap_ratio else _PHASES
@@ -135,7 +135,9 @@ def _simulate_view(model: Any, tuning: float, repeat_periods: int = 1) -> View:
         samples_per_period=SAMPLES,
         until_settled=True,
     )
-    message = f"{motions.describe(run, start)} Followed for {periods['periods']} mesh periods, at "
+    message = (
+        f"{motions.describe_motion(run, start)} Followed for {periods['periods']} mesh periods, at "
+    )
     message += f"each speed of the characteristic for {_PERIODS}."
     multipliers = _floquet_multipliers(model, run)
     if multipliers.size:

@@ -21,7 +21,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from gearlib import colours as colours_of
-from gearlib.data.files import replacing
+from gearlib.data.files import atomic_write
 
 #: Width of a figure, inches: the type area of a page.
 PAGE_WIDTH = 7.2
@@ -401,7 +401,7 @@ def save(figure: Figure, path: str | Path):
     file_format = path.suffix.removeprefix(".")
     if file_format not in _METADATA:
         raise ValueError(f"path = {str(path)!r} is not allowed: it must end in .png, .pdf or .svg")
-    with replacing(path) as temporary, rc_context():
+    with atomic_write(path) as temporary, rc_context():
         _freeze(figure)
         metadata = _METADATA[file_format]
         figure.savefig(temporary, format=file_format, dpi=figure.dpi, metadata=metadata)

@@ -65,9 +65,9 @@ def write_fmu(
 
     Backlashes are tunable parameters. Outputs are angle and speed of every body, displacement,
     elastic force and contact (1 drive side, 0 none, -1 coast side) of every mesh, and the forces on
-    bearings; forces on pins of a carrier are radial and tangential. The coordinates and their rates
-    are local variables that can be set. The initial state is the static equilibrium at mesh phase
-    0.
+    bearing_force_rows; forces on pins of a carrier are radial and tangential. The coordinates and
+    their rates are local variables that can be set. The initial state is the static equilibrium at
+    mesh phase 0.
 
     Parameters
     ----------
@@ -90,39 +90,41 @@ def write_fmu(
     path = Path(path)
     checks.require(path.suffix == ".fmu", "path", str(path), "a name that ends with .fmu")
     train = checks.require_train(model)
-    matrices.check_train(train, prescribed_speed)
-    bearing_names, bearing_rows = matrices.bearings(train)
-    data = matrices.model_data(train, prescribed_speed, speed)
+    matrices.check_fmu_train(train, prescribed_speed)
+    bearing_names, bearing_rows = matrices.bearing_force_rows(train)
+    data = matrices.train_constants(train, prescribed_speed, speed)
     padding = np.zeros((0 if bearing_names else 1, bearing_rows.shape[1]))  # C has no empty arrays
     data |= {"R": len(bearing_rows), "BEARING": np.concatenate([bearing_rows, padding])}
     identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     identifier = identifier if identifier[:1].isalpha() else f"train_{identifier}"
-    token = hashlib.sha256(repr([__version__, identifier, _header(data)]).encode()).hexdigest()[:32]
+    token = hashlib.sha256(repr([__version__, identifier, _c_header(data)]).encode()).hexdigest()[
+        :32
+    ]
     sources = {
-        "model_data.h": f'{_header(data)}#define TOKEN "{{{token}}}"\n',
+        "model_data.h": f'{_c_header(data)}#define TOKEN "{{{token}}}"\n',
         "gear_train.c": _TEMPLATE.read_text(encoding="utf-8"),
     }
     entries: dict[str, str | bytes] = {
-        "modelDescription.xml": _description(train, data, bearing_names, identifier, token),
+        "modelDescription.xml": _model_description(train, data, bearing_names, identifier, token),
         "sources/buildDescription.xml": _build_description(identifier),
     }
     entries |= {f"sources/{name}": text for name, text in sources.items()}
-    entries |= _binary(sources, identifier)
-    with files.replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+    entries |= _compile_binary(sources, identifier)
+    with files.atomic_write(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, content in entries.items():
             info = zipfile.ZipInfo(name, _ENTRY_TIME)
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             archive.writestr(info, content)
 
 
-def _literal(value: Any) -> str:
+def _c_literal(value: Any) -> str:
     """Return a number or an array as C source; hexadecimal floats are exact."""
     if isinstance(value, np.ndarray):
-        return f"{{{', '.join(map(_literal, value))}}}"
+        return f"{{{', '.join(map(_c_literal, value))}}}"
     return float(value).hex() if isinstance(value, float) else str(int(value))
 
 
-def _header(data: dict[str, Any]) -> str:
+def _c_header(data: dict[str, Any]) -> str:
     """Return the C header with the constants of a train.
 
     `data` maps names in C to arrays, floats or integers. Arrays become static constants, and
@@ -133,13 +135,13 @@ def _header(data: dict[str, Any]) -> str:
         if isinstance(value, np.ndarray):
             kind = "double" if value.dtype.kind == "f" else "int"
             shape = "".join(f"[{size}]" for size in value.shape)
-            lines.append(f"static const {kind} {name}{shape} = {_literal(value)};\n")
+            lines.append(f"static const {kind} {name}{shape} = {_c_literal(value)};\n")
         else:
-            lines.append(f"#define {name} ({_literal(value)})\n")
+            lines.append(f"#define {name} ({_c_literal(value)})\n")
     return "".join(lines)
 
 
-def _binary(sources: dict[str, str], identifier: str) -> dict[str, bytes]:
+def _compile_binary(sources: dict[str, str], identifier: str) -> dict[str, bytes]:
     """Compile the C sources; return the shared library as {path in the FMU: content}.
 
     `sources` maps file names to source code, and `identifier` is the model identifier. If there is
@@ -165,7 +167,7 @@ def _binary(sources: dict[str, str], identifier: str) -> dict[str, bytes]:
     return {}
 
 
-def _tag(tag: str, content: str = "", /, **attributes: Any) -> str:
+def _xml_element(tag: str, content: str = "", /, **attributes: Any) -> str:
     """Return an XML element called `tag` with the given content and attributes as a string.
 
     Attributes that are None are left out.
@@ -178,7 +180,7 @@ def _tag(tag: str, content: str = "", /, **attributes: Any) -> str:
     return f"<{tag}{text}>{content}</{tag}>\n" if content else f"<{tag}{text}/>\n"
 
 
-def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tuple[dict, str]]:
+def _fmi_variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tuple[dict, str]]:
     """Return (attributes, type) of all variables in the order of the value references in C.
 
     `data` are the constants of the template, and `bearing_names` are pairs (body, axis).
@@ -246,35 +248,37 @@ def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tu
     return variables
 
 
-def _description(train, data, bearing_names, identifier: str, token: str) -> str:
+def _model_description(train, data, bearing_names, identifier: str, token: str) -> str:
     """Return modelDescription.xml, which lists the variables and capabilities of the FMU.
 
     `data` maps names in C to the constants of the train, and `bearing_names` are pairs (body,
     axis). `identifier` is the model identifier, and `token` is the instantiation token, a hash,
     without braces.
     """
-    variables = _variables(train, data, bearing_names)
+    variables = _fmi_variables(train, data, bearing_names)
     units = "".join(
-        _tag("Unit", _tag("BaseUnit", **powers), name=cf_units(unit))
+        _xml_element("Unit", _xml_element("BaseUnit", **powers), name=cf_units(unit))
         for unit, powers in _UNITS.items()
     )
     outputs, unknowns = "", ""
     for attributes, _kind in variables:
         reference = attributes["valueReference"]
         if attributes["causality"] == "output":
-            outputs += _tag("Output", valueReference=reference)
-            unknowns += _tag("InitialUnknown", valueReference=reference)
+            outputs += _xml_element("Output", valueReference=reference)
+            unknowns += _xml_element("InitialUnknown", valueReference=reference)
     capabilities = "canHandleVariableCommunicationStepSize", "canGetAndSetFMUState"
     capabilities += "canSerializeFMUState", "hasEventMode", "mightReturnEarlyFromDoStep"
-    variable_tags = "".join(_tag(kind, **attributes) for attributes, kind in variables)
+    variable_tags = "".join(_xml_element(kind, **attributes) for attributes, kind in variables)
     content = (
-        _tag("CoSimulation", modelIdentifier=identifier, **dict.fromkeys(capabilities, "true"))
-        + _tag("UnitDefinitions", units)
-        + _tag("LogCategories", _tag("Category", name="logStatus"))
-        + _tag("ModelVariables", variable_tags)
-        + _tag("ModelStructure", outputs + unknowns)
+        _xml_element(
+            "CoSimulation", modelIdentifier=identifier, **dict.fromkeys(capabilities, "true")
+        )
+        + _xml_element("UnitDefinitions", units)
+        + _xml_element("LogCategories", _xml_element("Category", name="logStatus"))
+        + _xml_element("ModelVariables", variable_tags)
+        + _xml_element("ModelStructure", outputs + unknowns)
     )
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + _tag(
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + _xml_element(
         "fmiModelDescription",
         content,
         fmiVersion="3.0",
@@ -291,8 +295,10 @@ def _build_description(identifier: str) -> str:
 
     `identifier` is the model identifier.
     """
-    source = _tag("SourceFileSet", _tag("SourceFile", name="gear_train.c"), language="C99")
-    configuration = _tag("BuildConfiguration", source, modelIdentifier=identifier)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + _tag(
+    source = _xml_element(
+        "SourceFileSet", _xml_element("SourceFile", name="gear_train.c"), language="C99"
+    )
+    configuration = _xml_element("BuildConfiguration", source, modelIdentifier=identifier)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + _xml_element(
         "fmiBuildDescription", configuration, fmiVersion="3.0"
     )

@@ -479,7 +479,7 @@ class Gearbox:
             direction in which the axes lie furthest apart): corner_position in m; over ``part``:
             part_stage, the stage of a gear, "" for shafts. Parts without positions are left out.
         """
-        from gearlib.data.result import result_of_many
+        from gearlib.data.result import make_study_result
 
         placed = {key: shaft for key, shaft in self.shafts.items() if shaft.start is not None}
         axes = np.array([shaft.start[1:] for shaft in placed.values()]).reshape(-1, 2)
@@ -523,7 +523,7 @@ class Gearbox:
             "part_stage": ("part", np.array(stages, object)),
         }
         coords = {"coordinate": ["along", "across"]}
-        return result_of_many("Outline of a gearbox", data, coords)
+        return make_study_result("Outline of a gearbox", data, coords)
 
     def rows(self, load_case: str | None = None) -> Iterator[list]:
         """Yield the rows of a table of the stages in a load case.

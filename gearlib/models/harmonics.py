@@ -1,4 +1,4 @@
-"""Harmonics of the mesh phase, given by their amplitudes or computed from a table."""
+"""Fourier series over the mesh phase, given by amplitudes or computed from a table."""
 
 import math
 from typing import Annotated, Any
@@ -50,35 +50,35 @@ class Harmonics:
         # Imported here, because reading the configuration needs no numpy.
         import numpy as np
 
-        from gearlib.data.motions import float_array
+        from gearlib.data.motions import as_float_array
 
-        phase, values = float_array(phase), float_array(values)
+        phase, values = as_float_array(phase), as_float_array(values)
         n = phase.size
         if phase.shape != values.shape or phase.ndim != 1 or n < 3:
             raise ValueError(
-                f"a table of phase of shape {phase.shape} and values of shape {values.shape} is "
-                "not allowed: it must be two equally long sequences of at least 3 numbers"
+                f"phase of shape {phase.shape} and values of shape {values.shape} are not "
+                "allowed: they must be equally long sequences of at least 3 numbers"
             )
         if not np.allclose(np.diff(phase), 2.0 * math.pi / n, rtol=1e-6):
             raise ValueError(
                 f"phase = {phase[0]!r} ... {phase[-1]!r} is not allowed: it must rise in equal "
-                f"steps of 2 pi / {n} over one mesh period, its end left out"
+                f"steps of 2 pi / {n} over one mesh period, without the end of the period"
             )
         checks.require(np.isfinite(values).all(), "values", values, "finite")
         max_count = (n - 1) // 2
         if count is None:
             count = max_count
         checks.require(count <= max_count, "count", count, f"an integer from 1 to {max_count}")
-        # The phase factor shifts the origin of the spectrum from the first phase to phase 0.
+        # The factor exp(-i n phase[0]) refers the spectrum to phase 0 instead of the first phase.
         orders = np.arange(1, count + 1)
         spectrum = np.fft.rfft(values)[1 : count + 1] * 2.0 / n * np.exp(-1j * orders * phase[0])
         return cls(tuple(spectrum.real.tolist()), tuple((-spectrum.imag).tolist()))
 
     def table(self, scale: float = 1.0) -> Any:
-        """Return the amplitudes as an array (n, 3) with rows (order, cosine, sine), orders 1 to n.
+        """Return an array of rows (order, cosine amplitude, sine amplitude), shape (n, 3).
 
-        They are multiplied by `scale`. n is the length of the longer of the tuples `cosines` and
-        `sines`; missing amplitudes are 0.
+        The orders are 1 to n, where n is the length of the longer of the tuples `cosines` and
+        `sines`; missing amplitudes are 0. All amplitudes are multiplied by `scale`.
         """
         import numpy as np  # Imported here, because reading the configuration needs no numpy.
 

@@ -8,7 +8,7 @@ from annotated_types import MinLen
 
 from gearlib import checks
 from gearlib.data import status, summary
-from gearlib.data.result import result
+from gearlib.data.result import make_result
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.engines import orbit
 from gearlib.engines.linear import speed_courses
@@ -183,7 +183,7 @@ def run_up(
     attributes = {"speed": speeds.tolist(), "load": loads.tolist(), "initial_state": state}
     attributes |= {"driver": driver, "driven_mass": driven_mass, "base_radius": base_radius}
     data["status"] = np.int8(code)
-    dataset = result(
+    dataset = make_result(
         "Run-up of a gear mesh", model, data, coords, method=runner.description, **attributes
     )
     dataset["status"].attrs["message"] = status.MESSAGES[code]
@@ -321,7 +321,7 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
     table = np.concatenate([record.summary for record in records])
     summary_revolutions = np.concatenate([np.unique(record.block) for record in records])
     first_rows = np.flatnonzero(np.diff(summary_revolutions, prepend=-1))
-    summaries = summary.combined(table, first_rows)
+    summaries = summary.combine_records(table, first_rows)
     # The total time is the sum of the times with drive-side contact (DRIVE), without contact and
     # with coast-side contact (COAST), so that fractions add up to 1.
     times = summaries[..., [orbit.TIME_DRIVE, orbit.TIME_NO_CONTACT, orbit.TIME_COAST]]
@@ -330,7 +330,7 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
     total_time[total_time == 0.0] = np.nan
     # The lower bound prevents a division by 0 after a failure.
     periods = np.maximum(phase_change, 1e-300)[:, None] / math.tau
-    columns = summary.column_values(summaries, total_time, periods)
+    columns = summary.normalize_columns(summaries, total_time, periods)
     # The time at the lower stiffness is of interest at constant speed only.
     columns.pop("fraction_min_stiffness")
     scales = model.scales()

@@ -6,12 +6,18 @@ import numpy as np
 
 from gearlib import integrators
 from gearlib.data import status, summary
-from gearlib.data.result import result
+from gearlib.data.result import make_result
 from gearlib.engines import orbit
 from gearlib.engines.codes import NO_CONTACT
-from gearlib.engines.stable_repeats import settled_period
+from gearlib.engines.stable_repeats import find_settled_period
 from gearlib.parameters import Boolean, Count, Speed, checked
-from gearlib.runs.run_arguments import MAX_EVENTS, Tuning, check_memory, check_run, tuning_of
+from gearlib.runs.run_arguments import (
+    MAX_EVENTS,
+    Tuning,
+    check_memory,
+    check_run_arguments,
+    tuning_of,
+)
 
 
 @checked
@@ -85,18 +91,20 @@ def simulate(
     Raises
     ------
     ValueError
-        If an argument is wrong; the message gives its name, its value and the allowed range.
+        If an argument is invalid; the message states its name, its value and what is allowed.
 
     References
     ----------
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     tuning = tuning_of(model, tuning, speed)
-    arguments = check_run(
+    arguments = check_run_arguments(
         model, periods, record_periods, initial_state, method, options, max_events
     )
-    settings = {"verify_period": True, "until_settled": until_settled}
-    record, followed_periods = _run(model, tuning, arguments, samples_per_period, **settings)
+    options = {"verify_period": True, "until_settled": until_settled}
+    record, followed_periods = _run_and_verify(
+        model, tuning, arguments, samples_per_period, **options
+    )
     first_sample = (periods - record_periods) * samples_per_period
     sample_numbers = first_sample + np.arange(len(record.samples))
     codes = np.array([record.period, record.status])
@@ -112,32 +120,36 @@ def simulate(
     }
     coords = {"phase": sample_numbers * (2.0 * math.pi / samples_per_period), **model.coordinates()}
     attributes = arguments.attributes() | {"tuning": tuning}
-    dataset = result("Time course of a gear mesh", model, data, coords, **attributes)
+    dataset = make_result("Time course of a gear mesh", model, data, coords, **attributes)
     dataset["status"].attrs["message"] = status.MESSAGES[record.status]
     return dataset
 
 
-def run(model, tuning: float, samples_per_period: int, **settings):
+def run(model, tuning: float, samples_per_period: int, **options):
     """Run a model at one tuning without verifying its period; return the `Record`.
 
-    The tuning is the mesh frequency over the natural frequency. `settings` are arguments of
+    The tuning is the ratio of mesh frequency to natural frequency. `options` are arguments of
     `simulate` such as periods, record_periods, initial_state and method. The record has samples,
     events, a summary and the final state; if its status is not 0, the run has failed, its numbers
     are NaN and it has no events.
     """
-    record, _ = _run(model, tuning, check_run(model, **settings), samples_per_period)
+    record, _ = _run_and_verify(
+        model, tuning, check_run_arguments(model, **options), samples_per_period
+    )
     return record
 
 
-def _run(model, tuning, arguments, samples_per_period, verify_period=False, until_settled=False):
+def _run_and_verify(
+    model, tuning, arguments, samples_per_period, verify_period=False, until_settled=False
+):
     """Run a model at one tuning; return (`Record`, number of all simulated mesh periods).
 
-    The tuning is the mesh frequency over the natural frequency. `arguments` are the `RunArguments`:
-    initial state, mesh periods of the run and of its record, integration method. With
-    `verify_period` the period of the motion is verified by the Floquet multipliers of the orbit and
-    its distance from grazing; with `until_settled` the run continues after the recorded periods
-    until this succeeds. If the run fails, or the motion grows without bound, the numbers of the
-    record are NaN.
+    The tuning is the ratio of mesh frequency to natural frequency. `arguments` are the
+    `RunArguments`: initial state, mesh periods of the run and of its record, integration method.
+    With `verify_period` the period of the motion is verified by the Floquet multipliers of the
+    orbit and its distance from grazing; with `until_settled` the run continues after the recorded
+    periods until this succeeds. If the run fails, or the motion grows without bound, the numbers of
+    the record are NaN.
     """
     record_periods = arguments.span.recorded
     argument = f"samples_per_period = {samples_per_period} with record_periods = {record_periods}"
@@ -160,7 +172,7 @@ def _run(model, tuning, arguments, samples_per_period, verify_period=False, unti
     periods = arguments.span.periods
     if verify_period and arguments.method in integrators.AUTOMATIC and record.status == status.OK:
         propagator = model.propagator(tuning, arguments.method, **arguments.options)
-        period, periods = settled_period(propagator, record, arguments.span, until_settled)
+        period, periods = find_settled_period(propagator, record, arguments.span, until_settled)
         record = record._replace(period=period)
     return record, periods
 
@@ -178,10 +190,10 @@ def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
         dims, mesh_count = ("phase", "mesh"), len(model.mesh_names)
         table = samples[:, : mesh_count * orbit.SAMPLE_COLUMNS]
         table = table.reshape(-1, mesh_count, orbit.SAMPLE_COLUMNS)
-    # Contact codes are integers, which cannot be NaN, so they are 0 after a failure.
-    contact_codes = np.zeros(table.shape[:-1], np.int8)
+    # Contact states are integers, which cannot be NaN, so they are 0 after a failure.
+    contact_states = np.zeros(table.shape[:-1], np.int8)
     if status_code == status.OK:
-        contact_codes[:] = table[..., orbit.SAMPLE_CONTACT]
+        contact_states[:] = table[..., orbit.SAMPLE_CONTACT]
     stiffness = table[..., orbit.SAMPLE_STIFFNESS]
     no_stiffness = 0.0 * stiffness  # NaN for a failed run
     columns = {
@@ -190,9 +202,9 @@ def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
         "acceleration": table[..., orbit.SAMPLE_A],
         "stiffness": stiffness,
         # Effective stiffness: zero without contact.
-        "modified_stiffness": np.where(contact_codes == NO_CONTACT, no_stiffness, stiffness),
+        "modified_stiffness": np.where(contact_states == NO_CONTACT, no_stiffness, stiffness),
         "dynamic_force": table[..., orbit.SAMPLE_FORCE],
-        "contact": contact_codes,
+        "contact": contact_states,
     }
     variables = {name: (dims, values) for name, values in columns.items()}
     return variables | model.extra_sample_variables(samples)
@@ -202,7 +214,7 @@ def _event_variables(events: np.ndarray) -> dict:
     """Return the contact events of a run along ``event`` as {variable name: (dims, values)}.
 
     `events`, shape (n, columns), is the table of contact events of the run. Its columns, given by
-    constants of `engines.orbit`, are the mesh period, the mesh phase in it, the contact codes
+    constants of `engines.orbit`, are the mesh period, the mesh phase in it, the contact states
     before and after (1 drive side, 0 no contact, -1 coast side) and the velocity.
     """
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]

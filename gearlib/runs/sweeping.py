@@ -9,7 +9,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data import summary
-from gearlib.data.result import result
+from gearlib.data.result import make_result
 from gearlib.parameters import Count, checked
 from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import (
@@ -141,7 +141,7 @@ def sweep(
     coords = {"tuning": tunings, **model.coordinates()}
     attributes = arguments.attributes() | {"direction": direction}
     title = "Resonance characteristic of a gear mesh"
-    dataset = result(title, model, data, coords, **attributes)
+    dataset = make_result(title, model, data, coords, **attributes)
     return limit.record_missing(dataset, tuning=rows.outcomes[:, 1] >= 0)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis.harmonics.equation import MeshEquation
-from gearlib.analysis.harmonics.harmonic_balance import first_coefficients, harmonic_balance
+from gearlib.analysis.harmonics.harmonic_balance import harmonic_balance, initial_coefficients
 from gearlib.analysis.harmonics.schmidt import (
     contraction_factor,
     degenerate_harmonics,
@@ -19,10 +19,10 @@ from gearlib.analysis.harmonics.schmidt import (
     iterate_until_converged,
     schmidt,
 )
-from gearlib.analysis.harmonics.solution import errors, exact_motion
+from gearlib.analysis.harmonics.solution import compare_with_orbit, simulate_orbit
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.analysis.tongues.meissner import linear_pair
-from gearlib.data.result import result, stacked
+from gearlib.analysis.tongues.meissner import without_backlash
+from gearlib.data.result import evaluate_on_grid, make_result
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import WARM_STARTED, sweep
 
@@ -49,14 +49,16 @@ def analytic_method_study(
     balance_harmonics and schmidt_harmonics (lists of numbers of harmonics, for which the error of
     each method is computed), and most_degenerate (largest number of degenerate harmonics).
     """
-    data = stacked(
+    data = evaluate_on_grid(
         {"direction": WARM_STARTED},
-        lambda direction: _resonance_curve(pair, direction, tunings, settings["harmonics"], run),
+        lambda direction: _compute_resonance_curves(
+            pair, direction, tunings, settings["harmonics"], run
+        ),
         "tuning",
     )
-    data |= _convergence(pair, tunings, settings["harmonics"], settings["most_degenerate"])
+    data |= _compute_convergence(pair, tunings, settings["harmonics"], settings["most_degenerate"])
     harmonic_counts = {name: settings[f"{name}_harmonics"] for name in ("balance", "schmidt")}
-    data |= _method_errors(pair, settings["shown"], harmonic_counts)
+    data |= _compute_method_errors(pair, settings["shown"], harmonic_counts)
     coords = {
         "shown": settings["shown"],
         "phase": np.arange(_SAMPLES) * (2.0 * np.pi / _SAMPLES),
@@ -67,15 +69,15 @@ def analytic_method_study(
         **{f"{key}_harmonics": np.array(harmonic_counts[key], np.int32) for key in harmonic_counts},
         "direction": list(WARM_STARTED),
     }
-    histories = [_iteration_history(pair, tuning, settings) for tuning in settings["shown"]]
+    histories = [_record_iterations(pair, tuning, settings) for tuning in settings["shown"]]
     dataset = xr.Dataset(data, coords).merge(xr.concat(histories, "shown"))
     dataset["backlash_ratio"] = pair.backlash_ratio
     title = "The analytic method and harmonic balance against exact orbits"
     methods = "schmidt, harmonic balance"
-    return result(title, pair, dataset, method=methods, harmonics=settings["harmonics"])
+    return make_result(title, pair, dataset, method=methods, harmonics=settings["harmonics"])
 
 
-def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
+def _record_iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
     """Return the iterates of E. Schmidt's method from the static deflection on, with their errors.
 
     E. Schmidt's method improves a periodic motion by successive approximations, and the harmonics
@@ -89,12 +91,12 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
     iterates = np.full((count, _SAMPLES), np.nan)
     takes_newton_step = np.zeros(count, np.int8)
     # The first item is the displacement, at _SAMPLES equal steps of a mesh period.
-    exact = exact_motion(periodic_orbit(pair, tuning), _SAMPLES)[0]
+    exact = simulate_orbit(periodic_orbit(pair, tuning), _SAMPLES)[0]
     equation = MeshEquation(pair, tuning, settings["iteration_harmonics"])
     # Only the degenerate harmonics of the solution are used, so it may start at the exact orbit.
     solution = schmidt(pair, tuning, harmonics=settings["harmonics"], guess=exact)
     degenerate = np.array(solution.degenerate, int)
-    coefficients = first_coefficients(equation, guess=None)
+    coefficients = initial_coefficients(equation, guess=None)
     steps = iterate(equation, coefficients, degenerate, _TOLERANCE)
     # A Newton step has been taken if its norm, which is inf before the first one, has changed.
     last_step_norm = np.inf if degenerate.size else 0.0
@@ -117,7 +119,7 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
     )
 
 
-def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) -> dict:
+def _compute_convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) -> dict:
     """Compute contraction factors of E. Schmidt's iteration, and whether it converges.
 
     The contraction factor is the factor by which one successive approximation changes a small
@@ -143,7 +145,7 @@ def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) 
         except NoOrbit:
             return {"contraction": factors, "converged": converged, "automatic": np.int32(0)}
         equation = MeshEquation(model, tuning, harmonics)
-        exact = first_coefficients(equation, exact_motion(orbit, _GUESS_SAMPLES)[0])
+        exact = initial_coefficients(equation, simulate_orbit(orbit, _GUESS_SAMPLES)[0])
         start = np.where(np.arange(exact.size) <= _START_HARMONICS, exact, 0.0)
         limits = {"tolerance": _TOLERANCE, "max_applications": _MAX_APPLICATIONS}
         for i in counts:
@@ -158,12 +160,12 @@ def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) 
         count = np.int32(selected.size)
         return {"contraction": factors, "converged": converged, "automatic": count}
 
-    axes = {"contact_loss": [linear_pair(pair), pair], "tuning": tunings}
-    data = xr.Dataset(stacked(axes, convergence_at, "degenerate_count"))
+    axes = {"contact_loss": [without_backlash(pair), pair], "tuning": tunings}
+    data = xr.Dataset(evaluate_on_grid(axes, convergence_at, "degenerate_count"))
     return dict(data.transpose("contact_loss", "degenerate_count", "tuning").data_vars)
 
 
-def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: dict) -> dict:
+def _compute_method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: dict) -> dict:
     """Compute the errors of both approximate methods for each tuning and number of harmonics.
 
     Errors are differences from exact periodic orbits, computed by shooting. `tunings` are mesh
@@ -171,7 +173,7 @@ def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: di
     "schmidt" (E. Schmidt's method) to lists of numbers of harmonics. Return a dict of variables.
     """
     orbits = {tuning: periodic_orbit(pair, tuning) for tuning in tunings}
-    guesses = {tuning: exact_motion(orbits[tuning], _GUESS_SAMPLES)[0] for tuning in orbits}
+    guesses = {tuning: simulate_orbit(orbits[tuning], _GUESS_SAMPLES)[0] for tuning in orbits}
     data = {}
     for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
 
@@ -182,16 +184,16 @@ def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: di
             tuning. The defaults bind the current values of the loop.
             """
             solution = solve(pair, tuning, harmonics=harmonics, guess=guesses[tuning])
-            error = errors(solution, orbits[tuning])
+            error = compare_with_orbit(solution, orbits[tuning])
             values = {"displacement": error.displacement, "velocity": error.velocity}
             return {f"{name}_{quantity}_error": value for quantity, value in values.items()}
 
         axes = {"shown": tunings, f"{name}_harmonics": harmonic_counts[name]}
-        data |= stacked(axes, errors_at)
+        data |= evaluate_on_grid(axes, errors_at)
     return data
 
 
-def _resonance_curve(pair, direction, tunings, harmonics, run) -> dict[str, np.ndarray]:
+def _compute_resonance_curves(pair, direction, tunings, harmonics, run) -> dict[str, np.ndarray]:
     """Return the resonance curve of a gear pair by harmonic balance and by an exact sweep.
 
     It consists of the extrema of the displacement by both methods, and the stability of the
@@ -210,7 +212,7 @@ def _resonance_curve(pair, direction, tunings, harmonics, run) -> dict[str, np.n
         indices.reverse()
     solution = None
     for j in indices:
-        solution = _next_solution(pair, tunings[j], harmonics, solution)
+        solution = _find_balance_solution(pair, tunings[j], harmonics, solution)
         if solution is not None:
             displacement, _ = solution.time_history(_SAMPLES)
             maxima[j] = displacement.max()
@@ -219,7 +221,7 @@ def _resonance_curve(pair, direction, tunings, harmonics, run) -> dict[str, np.n
     return {"balance_max": maxima, "balance_min": minima, "stable": stable} | exact
 
 
-def _next_solution(pair: GearPair, tuning: float, harmonics: int, neighbour: Any) -> Any:
+def _find_balance_solution(pair: GearPair, tuning: float, harmonics: int, neighbour: Any) -> Any:
     """Return a periodic solution of harmonic balance at a tuning, or None if none is found.
 
     The first initial guess is `neighbour`, the solution at the neighbouring tuning, unless it is

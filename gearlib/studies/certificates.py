@@ -21,7 +21,7 @@ from gearlib.analysis.orbits.continuation import point_of_dataset
 from gearlib.analysis.orbits.shooting import NoOrbit, as_orbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.proofs.orbits import certify, certify_range
-from gearlib.data.files import replacing
+from gearlib.data.files import atomic_write
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
@@ -39,7 +39,7 @@ _TUNING_STEP = 1e-4
 _DIGITS = 11
 #: States that differ by less belong to the same orbit.
 _SAME_ORBIT_DISTANCE = 1e-6
-#: Contact code -> letter in the table.
+#: Contact state -> letter in the table.
 _CONTACT_LETTERS = {DRIVE: "D", NO_CONTACT: "F", COAST: "C"}
 
 
@@ -50,12 +50,12 @@ def certify_branches(
 
     `pairs` maps names of damping combinations to pairs, `branches` the same names to datasets with
     the branches of orbits over tuning (mesh frequency over natural frequency), as returned by
-    `gearlib.studies.resonance.branches`. Orbits are certified at `tunings`, at the two tunings of
-    the paper's Fig. 6, and at one above the paper's range of contact loss. A dict has the fields of
-    `Certificate.as_dict`; or the claim "refusal" and a message why the proof failed; or the claim
-    "count" and the number of points of the branches by outcome. With `all_points`, the certificates
-    of these points are included. For the first damped pair, certificates of a reducer ("gears":
-    "reducer") are added.
+    `gearlib.studies.resonance.compute_branches`. Orbits are certified at `tunings`, at the two
+    tunings of the paper's Fig. 6, and at one above the paper's range of contact loss. A dict has
+    the fields of `Certificate.as_dict`; or the claim "refusal" and a message why the proof failed;
+    or the claim "count" and the number of points of the branches by outcome. With `all_points`, the
+    certificates of these points are included. For the first damped pair, certificates of a reducer
+    ("gears": "reducer") are added.
     """
     tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_CONTACT_LOSS})
     certificates = []
@@ -63,27 +63,28 @@ def certify_branches(
         branch = branches[damping]
         # Certificates of rounded states have the same bytes on all processors.
         rounded = {
-            name: branch[name].copy(data=_rounded(branch[name])) for name in ("state", "tuning")
+            name: branch[name].copy(data=_round_to_digits(branch[name]))
+            for name in ("state", "tuning")
         }
         branch = branch.assign(rounded)
-        points = _point_certificates(pair, branch)
+        points = _certify_points(pair, branch)
         outcomes = [point.get("stability") or f"refused: {point['status']}" for point in points]
         count = {"claim": "count", "orbits": dict(sorted(Counter(outcomes).items()))}
-        pair_certificates = [count, *_range_certificates(pair, branch)]
+        pair_certificates = [count, *_certify_ranges(pair, branch)]
         for tuning in tunings:
-            pair_certificates += _orbit_certificates(pair, branch, tuning)
+            pair_certificates += _certify_orbits_at_tuning(pair, branch, tuning)
         if all_points:
             pair_certificates += points
         certificates += [{"damping": damping} | entry for entry in pair_certificates]
     for damping, pair in pairs.items():
         if pair.has_damping():  # a single damped pair is enough for the reducer
             labels = {"damping": damping, "gears": "reducer"}
-            certificates += [labels | certificate for certificate in _reducer_certificates(pair)]
+            certificates += [labels | certificate for certificate in _certify_reducer(pair)]
             break
     return certificates
 
 
-def _rounded(values: Any) -> np.ndarray:
+def _round_to_digits(values: Any) -> np.ndarray:
     """Return an array of values rounded to `_DIGITS` significant digits.
 
     Processors agree on these digits, so files of certificates have the same bytes everywhere.
@@ -96,14 +97,14 @@ def _rounded(values: Any) -> np.ndarray:
     return np.vectorize(rounded_value, otypes=[float])(values)
 
 
-def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) -> dict:
+def _certify_orbit(orbit: Any, tuning: float, last_tuning: float | None = None) -> dict:
     """Prove existence and stability of an orbit, and return the certificate as a dict.
 
     The proof holds at `tuning` (mesh frequency over natural frequency) or, with `last_tuning`, for
     all tunings between both. If it fails, the dict has the claim "refusal", and the status and the
     message of the failure.
     """
-    orbit = replace(orbit, state=_rounded(orbit.state))
+    orbit = replace(orbit, state=_round_to_digits(orbit.state))
     outcome = certify(orbit) if last_tuning is None else certify_range(orbit, to=last_tuning)
     if outcome:
         return outcome.as_dict()
@@ -112,7 +113,7 @@ def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) ->
     return failure | {"tuning": float(tuning).hex()}
 
 
-def _reducer_certificates(pair: GearPair) -> list[dict]:
+def _certify_reducer(pair: GearPair) -> list[dict]:
     """Certify the motion of a reducer that is equal in all its branches; return the certificates.
 
     The reducer shares the power between equal branches, and each of its meshes has the properties
@@ -128,11 +129,11 @@ def _reducer_certificates(pair: GearPair) -> list[dict]:
             orbit = periodic_orbit(reducer, tuning, guess=start, period=common_period)
         except NoOrbit:
             continue
-        certificates.append(_certificate(orbit, tuning))
+        certificates.append(_certify_orbit(orbit, tuning))
     return certificates
 
 
-def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
+def _certify_ranges(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     """Certify ranges of tunings with an orbit that never loses contact; return the certificates.
 
     The tuning is mesh frequency over natural frequency. `branch` is a dataset with the points of
@@ -165,11 +166,11 @@ def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
         except NoOrbit:
             continue
         if orbit.pattern == (DRIVE,):
-            certificates.append(_certificate(orbit, lower_tuning, upper_tuning))
+            certificates.append(_certify_orbit(orbit, lower_tuning, upper_tuning))
     return certificates
 
 
-def _orbit_certificates(pair: GearPair, branch: xr.Dataset, tuning: float) -> list[dict]:
+def _certify_orbits_at_tuning(pair: GearPair, branch: xr.Dataset, tuning: float) -> list[dict]:
     """Certify all orbits of one mesh period on the branches at a tuning; return the certificates.
 
     The tuning is mesh frequency over natural frequency. `branch` is a dataset with the points of
@@ -177,7 +178,7 @@ def _orbit_certificates(pair: GearPair, branch: xr.Dataset, tuning: float) -> li
     """
     states: list[np.ndarray] = []
     certificates = []
-    for guess in _crossings(branch, tuning):
+    for guess in _interpolate_states(branch, tuning):
         try:
             orbit = periodic_orbit(pair, tuning, guess=guess)
         except NoOrbit:
@@ -185,11 +186,11 @@ def _orbit_certificates(pair: GearPair, branch: xr.Dataset, tuning: float) -> li
         distances = [np.abs(orbit.state - state).max() for state in states]
         if all(distance >= _SAME_ORBIT_DISTANCE for distance in distances):
             states.append(orbit.state)
-            certificates.append(_certificate(orbit, tuning))
+            certificates.append(_certify_orbit(orbit, tuning))
     return certificates
 
 
-def _crossings(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
+def _interpolate_states(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
     """Yield approximate states of the orbits at a tuning, as initial guesses for shooting.
 
     A state is interpolated linearly between the two points at which a branch of orbits of one mesh
@@ -205,7 +206,7 @@ def _crossings(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
             yield tuple((1.0 - fraction) * states[i] + fraction * states[i + 1])
 
 
-def _point_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
+def _certify_points(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     """Certify the orbit at every regular point of the branches of a pair; return the certificates.
 
     `branch` is a dataset with the points of all branches. Regular points are those that are not
@@ -214,7 +215,7 @@ def _point_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     certificates = []
     for point in np.flatnonzero(branch.label.values == REGULAR):
         orbit = as_orbit(point_of_dataset(pair, branch, int(point), MAX_EVENTS).solution)
-        certificates.append(_certificate(orbit, orbit.tuning))
+        certificates.append(_certify_orbit(orbit, orbit.tuning))
     return certificates
 
 
@@ -224,7 +225,7 @@ def write_json(certificates: Sequence[dict], path: Path) -> None:
     A temporary file replaces `path` in one step, so that a reader never finds half a file.
     """
     lines = ",\n".join(json.dumps(certificate) for certificate in certificates)
-    with replacing(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
@@ -245,13 +246,13 @@ def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
         first_tuning = certificate.get("tuning", certificate.get("start"))
         contacts = "".join(_CONTACT_LETTERS[code] for code in certificate.get("pattern", ()))
         labels = [certificate[name] for name in ("damping", "gears") if name in certificate]
-        tunings = _decimal(first_tuning), _decimal(certificate.get("stop"))
-        min_displacement = _decimal(certificate.get("displacement_min"))
+        tunings = _format_decimal(first_tuning), _format_decimal(certificate.get("stop"))
+        min_displacement = _format_decimal(certificate.get("displacement_min"))
         cells = [", ".join(labels), certificate["claim"], *tunings, contacts, min_displacement]
         yield [*cells, certificate["stability"], certificate["reason"]]
 
 
-def _decimal(value: str | Sequence[str] | None) -> str:
+def _format_decimal(value: str | Sequence[str] | None) -> str:
     """Return a number of a certificate as a decimal string, "" for None.
 
     `value` is a hexadecimal float, or an enclosure: a pair of decimal strings (lower, upper end).

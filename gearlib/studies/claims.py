@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from gearlib.data.files import replacing
+from gearlib.data.files import atomic_write
 from gearlib.data.motions import LINE_WIDTH, describe_settling, period_spread, true_intervals
 from gearlib.studies.certificates import FIG6_TUNINGS
 
@@ -148,7 +148,7 @@ def _statement(identifier: str, text: str, place: str, figure: str = "") -> Call
     "text to Fig. 6",
     figure="Fig. 3",
 )
-def printed_tunings(data: Data) -> tuple[bool, str]:
+def check_printed_tunings(data: Data) -> tuple[bool, str]:
     """Check claim P1 of the paper: the published tunings for the extreme mesh stiffnesses.
 
     The tuning nu refers the mesh frequency to the natural frequency at the mean stiffness, nu_max
@@ -172,7 +172,7 @@ def printed_tunings(data: Data) -> tuple[bool, str]:
 @_statement(
     "P2", "k1 = 3.95, 4, 0.04 N s/mm: beta 0.062, 0.0624, 0.000624", "text, Fig. 2", figure="Fig. 3"
 )
-def printed_damping_ratios(data: Data) -> tuple[bool, str]:
+def check_printed_damping_ratios(data: Data) -> tuple[bool, str]:
     """Check claim P2 of the paper: the published damping ratios of three damping coefficients.
 
     The coefficients k1 are those of the material damping, the damping in contact. Return whether
@@ -190,7 +190,7 @@ VISIBLE_SHIFT = 1.0
 
 
 @_statement("P3", "the size of k1 shifts the phase of y(t) against C(t)", "Fig. 2")
-def phase_shift(data: Data) -> tuple[bool, str]:
+def check_phase_shift(data: Data) -> tuple[bool, str]:
     """Check claim P3 of the paper: material damping visibly shifts the phase of the motion.
 
     The phase is that of the first mesh harmonic, by which the displacement y lags behind the
@@ -213,7 +213,7 @@ def phase_shift(data: Data) -> tuple[bool, str]:
 _SMALL_REGION_CENTRE, _SMALL_REGION_HALF_WIDTH = 0.66, 0.02
 
 
-def interval_text(tuning: np.ndarray, condition: np.ndarray) -> str:
+def format_intervals(tuning: np.ndarray, condition: np.ndarray) -> str:
     """Return the intervals of `tuning` in which a condition is true, as a string.
 
     `tuning`, increasing, and the mask `condition` have the shape (n,). An example of the string is
@@ -238,7 +238,7 @@ def loses_contact(curve: xr.Dataset) -> np.ndarray:
 @_statement(
     "P4", "conservative: normal mesh for 0.6 <= nu < 0.8 except a small region near 0.66", "Fig. 3"
 )
-def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
+def check_undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
     """Check claim P4 of the paper: below a tuning of 0.8, undamped contact is lost only near 0.66.
 
     The tuning is mesh frequency over natural frequency. Return whether the claim holds, and the
@@ -251,11 +251,11 @@ def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
     in_region = abs(tuning - _SMALL_REGION_CENTRE) <= _SMALL_REGION_HALF_WIDTH
     holds = bool(is_lost[in_region].any() and not is_lost[~in_region].any())
     # The range ends one plot resolution before 0.8, since claim P5 judges where bounces begin.
-    intervals = interval_text(tuning, is_lost)
+    intervals = format_intervals(tuning, is_lost)
     return holds, f"below nu = {0.8 - PLOT_RESOLUTION:g} contact is lost at {intervals}"
 
 
-def fraction_text(fraction: float) -> str:
+def describe_fraction(fraction: float) -> str:
     """Return a fraction of chaotic motions as the word "all", "most", "some" or "none".
 
     The exact value is not stated, because it depends on rounding errors.
@@ -270,7 +270,7 @@ def fraction_text(fraction: float) -> str:
     "conservative: contact bounces begin at nu = 0.8; above, bounces and inverse mesh, chaotic",
     "Fig. 3",
 )
-def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
+def check_undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
     """Check claim P5 of the paper: undamped motions bounce chaotically from a tuning of 0.8 on.
 
     The tuning is mesh frequency over natural frequency. A motion is unsteady if it does not repeat,
@@ -291,7 +291,7 @@ def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
     holds = abs(begin - 0.8) <= PLOT_RESOLUTION and fractions["contact is lost"] == 1.0
     holds &= fractions["coast-side contact occurs"] > 0.5
     holds &= fractions["the motion is unsteady"] > 0.5
-    texts = [f"{event} at {fraction_text(value)}" for event, value in fractions.items()]
+    texts = [f"{event} at {describe_fraction(value)}" for event, value in fractions.items()]
     text = f"contact losses begin at nu = {begin:.4g}; of the tunings from there to 1.12, "
     return bool(holds), text + ", ".join(texts)
 
@@ -302,7 +302,7 @@ def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
     "mesh again above",
     "Fig. 3",
 )
-def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
+def check_damped_contact_loss_range(data: Data) -> tuple[bool, str]:
     """Check claim P6 of the paper: with material damping, contact is lost from 0.8 to 1.12 only.
 
     These numbers are tunings, mesh frequency over natural frequency. In addition, coast-side
@@ -321,7 +321,7 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
         holds &= (np.abs(ends - (0.8, 1.12)) <= 2 * PLOT_RESOLUTION).all()
         holds &= not inverse
         side = "with" if inverse else "without"
-        intervals = interval_text(tuning, is_lost)
+        intervals = format_intervals(tuning, is_lost)
         texts.append(f"with {name} at {intervals}, {side} coast-side contact")
     return bool(holds), "contact is lost " + "; ".join(texts)
 
@@ -331,7 +331,7 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
     "k1 = 0, k1m > 0 is the only damped variant not in purely normal mesh above 1.12",
     "Fig. 3",
 )
-def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
+def check_contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
     """Check claim P7 of the paper: only with backlash damping alone is contact lost above 1.12.
 
     1.12 is a tuning, mesh frequency over natural frequency; backlash damping is viscous damping by
@@ -354,7 +354,7 @@ def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
 
 
 @_statement("P8", "contact ratio 1.1: mesh mostly at C_min; 1.9: mostly at C_max", "Fig. 4")
-def contact_ratios(data: Data) -> tuple[bool, str]:
+def check_contact_ratios(data: Data) -> tuple[bool, str]:
     """Check claim P8 of the paper: the stiffness is mostly low at a small contact ratio.
 
     At a large contact ratio it must mostly be high. "Mostly" means for more than half of the time,
@@ -381,7 +381,7 @@ _PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
     "at 0.81, 0.82 only",
     "Fig. 5",
 )
-def undamped_phase_planes(data: Data) -> tuple:
+def check_undamped_phase_planes(data: Data) -> tuple:
     """Check claim P9 of the paper: which undamped phase portraits are unsteady or lose contact.
 
     A motion is unsteady if its mesh periods differ by more than the width of a plotted line. Return
@@ -391,7 +391,7 @@ def undamped_phase_planes(data: Data) -> tuple:
     """
     name = data.damping_names(material=False, backlash=False)[0]
     planes = data.planes(name, _PLANE_TUNINGS)
-    unsteady = _spreads(planes) > LINE_WIDTH
+    unsteady = _compute_period_spreads(planes) > LINE_WIDTH
     is_lost = loses_contact(planes)
     inverse = planes.fraction_coast.values > 0
     tunings = np.array(_PLANE_TUNINGS)
@@ -403,14 +403,14 @@ def undamped_phase_planes(data: Data) -> tuple:
         "contact lost": is_lost,
         "coast-side contact": inverse,
     }
-    texts = [f"{motion} at {tunings_text(tunings[mask])}" for motion, mask in conditions.items()]
-    return holds, "; ".join(texts), _strict_difference({name: (planes, unsteady)})
+    texts = [f"{motion} at {format_tunings(tunings[mask])}" for motion, mask in conditions.items()]
+    return holds, "; ".join(texts), _describe_strict_differences({name: (planes, unsteady)})
 
 
 @_statement(
     "P10", "k1 = 0, k1m > 0: unsteady at 0.60, 0.66, 0.78; every other damped cell steady", "Fig. 5"
 )
-def damped_phase_planes(data: Data) -> tuple:
+def check_damped_phase_planes(data: Data) -> tuple:
     """Check claim P10 of the paper: which phase portraits with damping are unsteady.
 
     Only motions with backlash damping (free flight) alone may be unsteady, at three tunings
@@ -427,7 +427,7 @@ def damped_phase_planes(data: Data) -> tuple:
     holds, texts, planes_by_damping = True, [], {}
     for name in expected:
         planes = data.planes(name, _PLANE_TUNINGS)
-        spreads = _spreads(planes)
+        spreads = _compute_period_spreads(planes)
         unsteady = spreads > LINE_WIDTH
         planes_by_damping[name] = planes, unsteady
         holds &= tunings[unsteady].tolist() == expected[name]
@@ -437,10 +437,10 @@ def damped_phase_planes(data: Data) -> tuple:
             for i in np.flatnonzero(unsteady)
         )
         texts.append(f"{name}: unsteady at {cases}" if cases else f"{name}: steady at all tunings")
-    return holds, "; ".join(texts), _strict_difference(planes_by_damping)
+    return holds, "; ".join(texts), _describe_strict_differences(planes_by_damping)
 
 
-def _spreads(planes: xr.Dataset) -> np.ndarray:
+def _compute_period_spreads(planes: xr.Dataset) -> np.ndarray:
     """Return how far mesh periods differ, relative to the orbit height, at each tuning.
 
     `planes` are phase portraits over tuning, the dimensionless mesh frequency. The difference is
@@ -449,7 +449,9 @@ def _spreads(planes: xr.Dataset) -> np.ndarray:
     return np.array([period_spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
 
 
-def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> str:
+def _describe_strict_differences(
+    planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]],
+) -> str:
     """Describe orbits that look steady in a plot but do not repeat to 1e-6, or the reverse.
 
     `planes_by_damping` maps the name of a damping combination to its phase portraits over tuning,
@@ -460,7 +462,7 @@ def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray
     for name, (planes, unsteady) in planes_by_damping.items():
         for i in range(unsteady.size):
             plane = planes.isel(tuning=i)
-            period = repetition_period(plane)
+            period = find_repetition_period(plane)
             # A period of 0 means that the orbit never repeats.
             if unsteady[i] == (period == 0):
                 continue
@@ -472,7 +474,7 @@ def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray
     return ", ".join(differences)
 
 
-def repetition_period(run: xr.Dataset) -> int:
+def find_repetition_period(run: xr.Dataset) -> int:
     """Return the number of mesh periods after which an orbit repeats, or 0 if it never does.
 
     `run` is a result of `gearlib.simulate`. The orbit repeats if no displacement changes by more
@@ -497,7 +499,7 @@ def _changes_by_period(run: xr.Dataset) -> list[float]:
     return [np.abs(displacement[n:] - displacement[:-n]).max() / height for n in shifts]
 
 
-def tunings_text(tunings: Sequence[float]) -> str:
+def format_tunings(tunings: Sequence[float]) -> str:
     """Return tunings as text with two decimals."""
     return ", ".join(f"{tuning:.2f}" for tuning in tunings) or "none"
 
@@ -507,7 +509,7 @@ def tunings_text(tunings: Sequence[float]) -> str:
     "nu = 0.815 and 0.8151 give drastically different orbits: small and large bounces",
     "Fig. 6",
 )
-def two_tunings(data: Data) -> tuple[bool, str]:
+def check_two_tunings(data: Data) -> tuple[bool, str]:
     """Check claim P11 of the paper: two neighbouring tunings give small and large bounces.
 
     The tuning is mesh frequency over natural frequency. The depth of a bounce is the displacement
@@ -523,10 +525,10 @@ def two_tunings(data: Data) -> tuple[bool, str]:
     text = f"the least displacement is {depths}"
     # Large bounces are at least three times as deep as small ones.
     small, large = sorted(depth[abs(tuning - nu).argmin()] for nu in FIG6_TUNINGS)
-    return bool(small > 0.0 and large > 3.0 * small), text + jump_description(data)
+    return bool(small > 0.0 and large > 3.0 * small), text + describe_jump(data)
 
 
-def jump_description(data: Data) -> str:
+def describe_jump(data: Data) -> str:
     """Describe where the motion from rest jumps to another orbit, and what moves this jump.
 
     Of the variations of model and initial state, only those are named that move the jump between
@@ -551,7 +553,7 @@ def jump_description(data: Data) -> str:
 
 
 @_statement("P12", "time in mesh at C_min at nu = 0.82: t(k1,k1m) > t(k1,0) > t(0,k1m)", "Fig. 7")
-def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
+def check_time_at_min_stiffness(data: Data) -> tuple[bool, str]:
     """Check claim P12 of the paper: the time at the lower stiffness depends on the damping.
 
     It must be longest with both kinds of damping, then with material damping (k1, in contact), then
@@ -566,7 +568,7 @@ def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
 @_statement(
     "P13", "conservative, nu = 0.66, six degrees of freedom: unsteady, contact bounces", "Fig. 8"
 )
-def six_degrees(data: Data) -> tuple:
+def check_six_degrees(data: Data) -> tuple:
     """Check claim P13 of the paper: with six degrees of freedom, undamped motion bounces.
 
     The motion must also be unsteady: mesh periods differ by more than a line width. losing_share is
@@ -576,7 +578,7 @@ def six_degrees(data: Data) -> tuple:
     although it looks unsteady.
     """
     run = data.scene("fig8", cases=1).isel(case=0)
-    distance, bounces, period = period_spread(run), float(run.bounces), repetition_period(run)
+    distance, bounces, period = period_spread(run), float(run.bounces), find_repetition_period(run)
     unsteady, loss_fraction = distance > LINE_WIDTH, float(run.losing_share)
     text = (
         f"mesh periods differ by {distance:.1g} of the orbit height; "
@@ -586,7 +588,7 @@ def six_degrees(data: Data) -> tuple:
     if not run.free_of_rounding:
         text = (
             f"from rest the motion is {'unsteady' if unsteady else 'steady'} and "
-            f"{'loses' if bounces > 0.0 else 'keeps'} contact; {fraction_text(loss_fraction)} of "
+            f"{'loses' if bounces > 0.0 else 'keeps'} contact; {describe_fraction(loss_fraction)} of "
             "the random initial states lose contact; rounding errors decide how often"
         )
     # A motion that repeats after several mesh periods is not a single line in a plot.
@@ -609,7 +611,9 @@ class Claim:
     figure: str  #: figure of the workflow
 
 
-def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> list[Claim]:
+def evaluate_claims(
+    pair, dampings, resonance, phase_planes, phase_lag, jump, scenes
+) -> list[Claim]:
     """Check the 13 statements P1 to P13 of the paper against the data of a configuration.
 
     `pair` is the `GearPair`, whose damping is not used; `dampings` maps names of damping
@@ -621,10 +625,10 @@ def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -
     """
     resonance = resonance.sortby("tuning")
     data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
-    return [evaluate_check(check, data) for check in CHECKS]
+    return [evaluate_claim(check, data) for check in CHECKS]
 
 
-def evaluate_check(check: tuple, data: Data) -> Claim:
+def evaluate_claim(check: tuple, data: Data) -> Claim:
     """Apply the rule of a statement to the data of a configuration; return a `Claim`.
 
     `check` is an entry of `CHECKS`: id, statement, place in the paper, figure of the workflow, and
@@ -643,7 +647,7 @@ def evaluate_check(check: tuple, data: Data) -> Claim:
     return Claim(identifier, statement, place, computed, verdict, figure)
 
 
-def rows(claims: Sequence[Claim]) -> Iterator[tuple | list]:
+def table_rows(claims: Sequence[Claim]) -> Iterator[tuple | list]:
     """Yield the rows of the table of claims: the names of the columns, then one row per claim."""
     yield [field.name for field in fields(Claim)]
     yield from map(astuple, claims)
@@ -659,5 +663,5 @@ def write_markdown(claims: Sequence[Claim], path: Path) -> None:
     for claim in claims:
         cells = [claim.id, f"{claim.statement} ({claim.where})", claim.computed]
         lines.append(f"| {' | '.join(cells)} | **{claim.verdict}** | {claim.figure} |")
-    with replacing(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")

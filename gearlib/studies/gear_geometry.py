@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from gearlib.data.result import result, result_of_many, stacked
+from gearlib.data.result import evaluate_on_grid, make_result, make_study_result
 from gearlib.models.geometry import from_values as geometry
 from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.load_sharing_pair import LoadSharingPair
@@ -38,7 +38,9 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     and method_uncertainty is the relative uncertainty of a method.
     """
     meshes = {name: geometry.stage(gears) for name, gears in pairs.items()}
-    phases = {name: _sampled_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
+    phases = {
+        name: _stiffness_sample_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()
+    }
 
     def stiffness_data(pair: str, method: str) -> dict:
         """Return the mesh stiffness of a gear pair by a method, as variable -> value.
@@ -50,7 +52,7 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
             options = options | {"samples": samples}
         stiffness = meshes[pair].stiffness(name, torque=pairs[pair]["torque"], **options)
         return {
-            "mesh_stiffness": _stiffness_at(stiffness, phases[pair]),
+            "mesh_stiffness": _evaluate_stiffness(stiffness, phases[pair]),
             "mean_mesh_stiffness": stiffness.mean_stiffness,
             "own_stiffness_ratio": stiffness.stiffness_ratio,  # smallest over largest value
             "method_uncertainty": stiffness.uncertainty,
@@ -60,7 +62,7 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     for name, gears in pairs.items():
         published += [(name, source, value) for source, value in gears["published"].items()]
     axes = {"pair": list(pairs), "stiffness_method": list(METHODS)}
-    data = stacked(axes, stiffness_data, "point") | {
+    data = evaluate_on_grid(axes, stiffness_data, "point") | {
         "stiffness_phase": (("pair", "point"), [*phases.values()]),
         "published_pair": ("published", np.array([name for name, _, _ in published], str)),
         "published_stiffness": ("published", np.array([value for *_, value in published], float)),
@@ -70,10 +72,10 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     data["method_uncertainty"] = "stiffness_method", uncertainties[-1]
     coords = axes | {"published": np.array([source for _, source, _ in published], str)}
     title = "Mesh stiffness of gears by several methods"
-    return result_of_many(title, data, coords, parameters={"pairs": pairs, "samples": samples})
+    return make_study_result(title, data, coords, parameters={"pairs": pairs, "samples": samples})
 
 
-def _sampled_phases(contact_ratio: float, samples: int) -> np.ndarray:
+def _stiffness_sample_phases(contact_ratio: float, samples: int) -> np.ndarray:
     """Return increasing mesh phases from -pi to pi, rad, at which the stiffness is sampled.
 
     They have equal steps, with two additional points around each end of double contact, where the
@@ -85,7 +87,7 @@ def _sampled_phases(contact_ratio: float, samples: int) -> np.ndarray:
     return np.sort(np.concatenate([regular_points, end_points, -end_points]))
 
 
-def _stiffness_at(stiffness: Any, phases: np.ndarray) -> np.ndarray:
+def _evaluate_stiffness(stiffness: Any, phases: np.ndarray) -> np.ndarray:
     """Return the mesh stiffness (N/m) at mesh phases (rad), each of the shape of `phases`.
 
     `stiffness` is a `MeshStiffness`; its profile over the mesh phase is rectangular or tabulated.
@@ -150,4 +152,4 @@ def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int)
     dataset = dataset.assign_coords(relief=list(meshes), gear=_GEARS)
     model = LoadSharingPair.from_geometry(own, torque=torque, stiffness=stiffness)
     title = "Harris map: static transmission error at several loads, without pitch errors"
-    return result(title, model, dataset, method="load sharing", phases=phases)
+    return make_result(title, model, dataset, method="load sharing", phases=phases)

@@ -16,11 +16,11 @@ from gearlib.analysis.characteristic_frequencies import (
     frequency_rows,
 )
 from gearlib.analysis.order_maps import order_map
-from gearlib.data.result import result
+from gearlib.data.result import make_result
 from gearlib.gearboxes.gearbox import Gearbox, read_gearbox
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.runs.run_up import run_up as run_up_of
-from gearlib.studies.teeth_over_speed import over_speed
+from gearlib.studies.teeth_over_speed import sweep_speeds
 
 #: Lowest and highest speed, relative to the operating speed or, if none is stated, to the resonance
 #: speed.
@@ -32,7 +32,7 @@ _SAMPLES = 64
 _SETTLING_PERIODS, _MAX_SETTLING_PERIODS, _RECORD_PERIODS = 8.0, 140, 10
 
 
-def jobs(file: str) -> tuple[list[tuple[str, str]], list[str], dict[str, str]]:
+def list_computations(file: str) -> tuple[list[tuple[str, str]], list[str], dict[str, str]]:
     """List the computations that are possible with a gearbox, and why others are not.
 
     `file` is the path of a REXS file. Return three items: the pairs (stage, load case) to compute,
@@ -65,7 +65,7 @@ def jobs(file: str) -> tuple[list[tuple[str, str]], list[str], dict[str, str]]:
     return stages, box_cases, reasons
 
 
-def stage_over_speed(
+def sweep_stage(
     file: str, stage: str, load_case: str, damping_ratio: float, points: int
 ) -> xr.Dataset:
     """Compute dynamic factor and transmission error of a stage in sweeps of the speed, up and down.
@@ -74,7 +74,7 @@ def stage_over_speed(
     `points` speeds from 10 to 150 % of the operating speed, which is one of them, or of the
     resonance speed if the file states no operating speed. Speeds below the slowest that can be
     simulated get the motion of this slowest speed. The variables of the dataset are described in
-    `gearlib.studies.teeth_over_speed.over_speed`.
+    `gearlib.studies.teeth_over_speed.sweep_speeds`.
     """
     box = read_gearbox(file)
     load = box.load(stage, load_case)
@@ -94,7 +94,7 @@ def stage_over_speed(
     # Therefore the highest speed decides how many mesh periods are needed.
     settling = math.ceil(_SETTLING_PERIODS / damping_ratio * speeds[-1] / resonance_speed)
     periods = min(settling, _MAX_SETTLING_PERIODS) + _RECORD_PERIODS
-    data = over_speed(pair, simulated, speed, periods=periods, record_periods=_RECORD_PERIODS)
+    data = sweep_speeds(pair, simulated, speed, periods=periods, record_periods=_RECORD_PERIODS)
     data = data.isel(tuning=np.searchsorted(simulated, speeds).clip(0, simulated.size - 1))
     data = data.assign_coords(tuning=("tuning", speeds / resonance_speed, data.tuning.attrs))
     data["speed"] = "tuning", speeds, data.speed.attrs
@@ -102,7 +102,7 @@ def stage_over_speed(
     return data.assign_attrs(stage=stage, load_case=load_case)
 
 
-def whole_box(file: str, load_case: str, damping_ratio: float, orders: int) -> xr.Dataset:
+def analyse_gearbox(file: str, load_case: str, damping_ratio: float, orders: int) -> xr.Dataset:
     """Compute modes, Campbell diagram, load shares and characteristic frequencies of a gearbox.
 
     `file` is the path of a REXS file; its gearbox is computed as one gear train in the named load
@@ -126,11 +126,13 @@ def whole_box(file: str, load_case: str, damping_ratio: float, orders: int) -> x
         operating_speed=math.nan if speed is None else speed,
         mesh_rate=("mesh", [float(ratio) for ratio in train.frequency_ratios]),
     )
-    dataset = result("A gearbox", train, data, method="exact", load_case=load_case)
+    dataset = make_result("A gearbox", train, data, method="exact", load_case=load_case)
     return dataset.assign_attrs(load_case=load_case)
 
 
-def run_up(file: str, load_case: str, damping_ratio: float, revolutions: int) -> xr.Dataset:
+def compute_run_up_orders(
+    file: str, load_case: str, damping_ratio: float, revolutions: int
+) -> xr.Dataset:
     """Compute an order map: amplitudes of the first mesh force over orders and speed in a run-up.
 
     `file` is the path of a REXS file; its gearbox is computed as one gear train. The speed rises
@@ -153,7 +155,7 @@ def run_up(file: str, load_case: str, damping_ratio: float, revolutions: int) ->
     return dataset.assign_attrs(load_case=load_case)
 
 
-def outline(file: str) -> xr.Dataset:
+def gearbox_outline(file: str) -> xr.Dataset:
     """Return the outline of the gearbox in a REXS file, see `Gearbox.outline`."""
     return read_gearbox(file).outline()
 
@@ -161,7 +163,7 @@ def outline(file: str) -> xr.Dataset:
 def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
     """Yield the rows of the table of stages: the names of the columns, then their values.
 
-    `stages` are datasets from `stage_over_speed` for the gearbox in `file`. Each stage has one row
+    `stages` are datasets from `sweep_stage` for the gearbox in `file`. Each stage has one row
     per load case. With several cases, a row "all" has the largest values, and the contact loss
     averaged over the load durations. The last rows tell in the column "note" why a stage or case
     was not computed.
@@ -181,8 +183,8 @@ def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
         values = _stage_values(data)
         jumps = np.concatenate([data.jump_up_speed.values, data.jump_down_speed.values])
         cases_by_stage.setdefault(name, []).append((fraction, values, jumps))
-        texts = [_text(value) for value in (fraction, data.torque, *values)]
-        yield [name, case, *texts, _jumps_text(jumps), ""]
+        texts = [_format_number(value) for value in (fraction, data.torque, *values)]
+        yield [name, case, *texts, _format_jump_speeds(jumps), ""]
     for name, cases in cases_by_stage.items():
         if len(cases) > 1:
             fractions = [fraction for fraction, _, _ in cases]
@@ -193,10 +195,10 @@ def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
             largest[4] = max(values[3:5] for values in rows)[1]
             losses = np.nan_to_num([values[-1] for values in rows])
             largest[-1] = np.dot(fractions, losses) / np.sum(fractions)
-            texts = [_text(value) for value in largest[1:]]
-            duration = _text(np.sum(fractions))
-            yield [name, "all", duration, "", "", *texts, _jumps_text(all_jumps), ""]
-    _, _, reasons = jobs(file)
+            texts = [_format_number(value) for value in largest[1:]]
+            duration = _format_number(np.sum(fractions))
+            yield [name, "all", duration, "", "", *texts, _format_jump_speeds(all_jumps), ""]
+    _, _, reasons = list_computations(file)
     for name, reason in reasons.items():
         is_case = name in box.load_cases
         yield ["" if is_case else name, name if is_case else "", *[""] * 11, reason]
@@ -205,7 +207,7 @@ def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
 def _stage_values(data: xr.Dataset) -> list[float]:
     """Return the values of a stage in the columns from speed_rpm to contact_loss_fraction.
 
-    `data` is a dataset from `stage_over_speed`, over tuning (dimensionless mesh frequency) and the
+    `data` is a dataset from `sweep_stage`, over tuning (dimensionless mesh frequency) and the
     direction of the sweep; the larger value of both directions is returned. Unknown values are NaN:
     those at the operating point if the file states no operating speed, and the dynamic factor of
     ISO 6336 if the gears have no quality.
@@ -225,20 +227,20 @@ def _stage_values(data: xr.Dataset) -> list[float]:
     return [math.nan if value is None else float(value.max()) for value in values]
 
 
-def _jumps_text(speeds: np.ndarray) -> str:
+def _format_jump_speeds(speeds: np.ndarray) -> str:
     """Return jump speeds as a string, in increasing order, without NaN."""
-    return " ".join(map(_text, np.sort(speeds[np.isfinite(speeds)])))
+    return " ".join(map(_format_number, np.sort(speeds[np.isfinite(speeds)])))
 
 
-def _text(value: Any) -> str:
+def _format_number(value: Any) -> str:
     """Return a number as a string with six significant digits, "" for NaN."""
     return f"{float(value):.6g}" if np.isfinite(value) else ""
 
 
-def box_rows(boxes: Sequence[xr.Dataset]) -> Iterator[list]:
+def gearbox_rows(boxes: Sequence[xr.Dataset]) -> Iterator[list]:
     """Yield the rows of the table of whole gearboxes: the names of the columns, then their values.
 
-    `boxes` are datasets from `whole_box`, one for each load case. Their rows are natural
+    `boxes` are datasets from `analyse_gearbox`, one for each load case. Their rows are natural
     frequencies, with the mesh and the shaft that have the largest share of the energy of a mode;
     static forces of the meshes; and characteristic frequencies. The column "of" names the mode,
     mesh or part.
@@ -247,17 +249,17 @@ def box_rows(boxes: Sequence[xr.Dataset]) -> Iterator[list]:
     for box in boxes:
         case = box.attrs["load_case"]
         for i, frequency in enumerate(box.mode_frequency.values):
-            yield [case, f"mode {i}", "natural frequency", _text(frequency), "Hz"]
+            yield [case, f"mode {i}", "natural frequency", _format_number(frequency), "Hz"]
             for name, dim in (("mode_strain_energy", "mesh"), ("mode_shaft_energy", "shaft")):
                 shares = box[name].isel(natural_mode=i)
                 if shares.size and float(shares.max()) > 0.0:
                     owner = str(box[dim].values[int(shares.values.argmax())])
                     quantity = f"largest share of the energy in a {dim}, {owner}"
-                    yield [case, f"mode {i}", quantity, _text(shares.max()), ""]
+                    yield [case, f"mode {i}", quantity, _format_number(shares.max()), ""]
         for name in box.mesh.values:
             mesh = box.sel(mesh=name)
-            yield [case, name, "static mesh force", _text(mesh.mesh_force), "N"]
-            yield [case, name, "static load sharing", _text(mesh.load_sharing), ""]
+            yield [case, name, "static mesh force", _format_number(mesh.mesh_force), "N"]
+            yield [case, name, "static load sharing", _format_number(mesh.load_sharing), ""]
         names = [name for name in FREQUENCIES if name in box]
         frequencies = box[names].assign(speed=box.speed)
         # The first row has the names of the columns.

@@ -11,9 +11,9 @@ from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics.attractors import UNDECIDED
 from gearlib.analysis.global_dynamics.basins import KIND_FLAGS, basin_stability, basins
 from gearlib.analysis.global_dynamics.poincare import bifurcation_diagram, poincare_section
-from gearlib.analysis.lyapunov import largest_exponent, rounding_grows
+from gearlib.analysis.lyapunov import are_sensitive_to_rounding, largest_exponent
 from gearlib.data import status
-from gearlib.data.variables import describe
+from gearlib.data.variables import add_metadata
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import WARM_STARTED
 
@@ -27,7 +27,7 @@ _FILL_VALUES = {
 }
 
 
-def _joined_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> xr.Dataset:
+def _join_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> xr.Dataset:
     """Join the datasets of several cases along the dimension "case", labelled by their titles.
 
     A case is a dict with the key title. The result has the attributes of the first dataset.
@@ -35,10 +35,10 @@ def _joined_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> 
     """
     titles = xr.IndexVariable("case", [case["title"] for case in cases])
     data = xr.concat(datasets, titles, data_vars="all", combine_attrs="drop", **options)
-    return describe(data.assign_attrs(datasets[0].attrs))
+    return add_metadata(data.assign_attrs(datasets[0].attrs))
 
 
-def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = None) -> xr.Dataset:
+def compute_basins(cases: Sequence[dict], settings: dict, threads: int | None = None) -> xr.Dataset:
     """Compute basins of attraction of several cases, along the dimension ``case``.
 
     A basin is the set of initial states that lead to one attractor. A case has the keys title,
@@ -49,12 +49,12 @@ def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = Non
     grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
     options = {"periods": settings["periods"], "threads": threads}
     datasets = [basins(case["pair"], case["tuning"], grid, **options) for case in cases]
-    data = _joined_cases(datasets, cases, join="outer", fill_value=_FILL_VALUES)
+    data = _join_cases(datasets, cases, join="outer", fill_value=_FILL_VALUES)
     data["attractor_kind"].attrs |= KIND_FLAGS
     return data
 
 
-def bifurcation(
+def compute_bifurcation(
     pair: GearPair, tunings: Sequence[float], coarse: Sequence[float], settings: dict, threads=None
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """Compute a bifurcation diagram with Lyapunov exponents, and the basin stability.
@@ -88,7 +88,7 @@ def bifurcation(
     data = xr.concat(datasets, xr.IndexVariable("direction", names), combine_attrs="drop")
     settled = lyapunov.reproducible_orbits(pair, diagrams, directions, initial_states)
     data = data.assign(settled=(("direction", "tuning"), settled.astype(np.int8), {}))
-    data = describe(data.assign(speed=("tuning", pair.speed(data.tuning.values))))
+    data = add_metadata(data.assign(speed=("tuning", pair.speed(data.tuning.values))))
     data["settled"].attrs |= lyapunov.SETTLED_FLAGS
     options = {name: settings[name] for name in ("samples", "periods")}
     stability = basin_stability(pair, coarse, region, threads=threads, **options)
@@ -104,7 +104,7 @@ def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:
     return lowest + np.random.default_rng(0).random((count, 2)) * (highest - lowest)
 
 
-def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
+def compute_poincare_sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
     """Compute Poincare sections of motions from random initial states, along ``case``.
 
     A Poincare section has one state per mesh period, at a fixed phase. A case has the keys title,
@@ -125,9 +125,11 @@ def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
         phase = math.radians(case["phase"])
         section = poincare_section(pair, tuning, states, phase=phase, **run)
         exponents = [largest_exponent(pair, tuning, state=start, **run) for start in starts]
-        growths = [rounding_grows(pair, [tuning], start, settle + periods) for start in starts]
+        growths = [
+            are_sensitive_to_rounding(pair, [tuning], start, settle + periods) for start in starts
+        ]
         depends_on_rounding = np.concatenate(growths)
-        grows = np.array([exponent.exceeds_linear for exponent in exponents])
+        grows = np.array([exponent.grows_faster_than_linearly for exponent in exponents])
         # Codes of the flags: 0 regular, 1 chaotic, 2 undecided.
         regular_or_undecided = 2 * (depends_on_rounding | grows)
         is_chaotic = depends_on_rounding & grows
@@ -135,6 +137,6 @@ def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
         values = [exponent.value for exponent in exponents]
         section = section.assign(chaotic=("orbit", chaotic), exponent=("orbit", values))
         datasets.append(section.drop_vars("strobe"))
-    data = _joined_cases(datasets, cases)
-    data["chaotic"].attrs |= status.flags_of(("regular", "chaotic", "undecided"))
+    data = _join_cases(datasets, cases)
+    data["chaotic"].attrs |= status.flag_attributes(("regular", "chaotic", "undecided"))
     return data

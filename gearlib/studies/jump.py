@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_grows
-from gearlib.data.result import stacked
-from gearlib.data.variables import describe
+from gearlib.analysis.lyapunov import SETTLED_FLAGS, are_sensitive_to_rounding
+from gearlib.data.result import evaluate_on_grid
+from gearlib.data.variables import add_metadata
 from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
@@ -58,7 +58,7 @@ def find_jump(
 
     def depends_on_rounding(tunings: Sequence[float]) -> np.ndarray:
         """Return a mask of tunings at which rounding errors decide the motion."""
-        return is_exact * rounding_grows(model, tunings, start, run["periods"])
+        return is_exact * are_sensitive_to_rounding(model, tunings, start, run["periods"])
 
     steps, is_large = height_steps(heights)
     while direction == "cold" and is_large.any():
@@ -111,7 +111,7 @@ def height_steps(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
 
 
-def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any, dict]]:
+def iterate_variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any, dict]]:
     """Yield variations of a run: each with its kind, its value, a model, and arguments of `sweep`.
 
     `settings` has lists of values: harmonics (numbers of harmonics of a truncated stiffness),
@@ -132,29 +132,29 @@ def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any
         yield "velocity", velocity, pair, {"initial_state": (0.0, velocity)}
 
 
-def jump_and_shifts(
+def compute_jump_and_shifts(
     pair: GearPair, tunings: Sequence[float], settings: dict, run: dict
 ) -> xr.Dataset:
     """Compute the tuning at which the motion from rest jumps, and how variations shift this jump.
 
     The tuning is mesh frequency over natural frequency. `run` has arguments of `sweep`. `settings`
-    has the keys of `variations`, tolerances (of Runge-Kutta steps 4(5)), resolution (of the jump),
-    and starts, seed and spread of the random initial states for each tolerance. In the dataset,
-    height is the peak-to-peak displacement, switches the number of large height steps in the scan,
-    and settled is 0 where the jump depends on the initial state, so that median and range over
-    several states are given. Values are NaN without a jump in the scan.
+    has the keys of `iterate_variations`, tolerances (of Runge-Kutta steps 4(5)), resolution (of the
+    jump), and starts, seed and spread of the random initial states for each tolerance. In the
+    dataset, height is the peak-to-peak displacement, switches the number of large height steps in
+    the scan, and settled is 0 where the jump depends on the initial state, so that median and range
+    over several states are given. Values are NaN without a jump in the scan.
     """
     tunings = np.asarray(tunings, float)
     resolution = settings["resolution"]
     reference = find_jump(pair, tunings, resolution, **run)
     base_shift = reference.tuning - reference.tuning  # NaN without a jump
     shifts_by_variation = [("base", 0.0, [base_shift], reference.large_steps)]
-    for kind, value, varied, arguments in variations(pair, settings):
+    for kind, value, varied, arguments in iterate_variations(pair, settings):
         jump = find_jump(varied, tunings, resolution, **run | arguments)
         shifts = [jump.tuning - reference.tuning]
         shifts_by_variation.append((kind, value, shifts, jump.large_steps))
     if settings["tolerances"]:
-        shifts_by_variation += _tolerance_shifts(pair, tunings, settings, run)
+        shifts_by_variation += _compute_tolerance_shifts(pair, tunings, settings, run)
 
     def summary(variation: tuple) -> dict:
         """Return the variables of a variation (kind, value, shifts in tuning, large step count).
@@ -176,16 +176,18 @@ def jump_and_shifts(
         }
 
     curve = sweep(pair, tunings, **run)
-    data = stacked({"variation": shifts_by_variation}, summary)
+    data = evaluate_on_grid({"variation": shifts_by_variation}, summary)
     data |= {"height": ("tuning", orbit_heights(curve))}
     coords = {"tuning": tunings, "variation": np.arange(len(shifts_by_variation))}
     attrs = curve.attrs | {"title": "Jump of the motion from rest, and what moves it"}
-    dataset = describe(xr.Dataset(data, coords, attrs))
+    dataset = add_metadata(xr.Dataset(data, coords, attrs))
     dataset["settled"].attrs |= SETTLED_FLAGS
     return dataset
 
 
-def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: dict) -> list:
+def _compute_tolerance_shifts(
+    pair: GearPair, tunings: np.ndarray, settings: dict, run: dict
+) -> list:
     """Compute how each tolerance of a Runge-Kutta method shifts the jump in tuning.
 
     A shift is relative to the exact jump from the same initial state, of which there are several.
@@ -195,7 +197,7 @@ def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: 
     """
     resolution = settings["resolution"]
     rest = run.get("initial_state", (0.0, 0.0))
-    states = [*map(tuple, many_starts.seeded_states(pair, rest, settings))]
+    states = [*map(tuple, many_starts.random_initial_states(pair, rest, settings))]
     runs = [run | {"initial_state": state} for state in states]
     exact_tunings = [find_jump(pair, tunings, resolution, **exact).tuning for exact in runs]
     # The jump is searched only near the exact one; the half step is a margin for rounding errors.

@@ -25,7 +25,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import DIRECTIONS
 
 #: Flags of `settled`.
-SETTLED_FLAGS = status.flags_of(("unsettled", "all_starts_on_one_stable_orbit"))
+SETTLED_FLAGS = status.flag_attributes(("unsettled", "all_starts_on_one_stable_orbit"))
 #: Whether all starts end on one orbit, fraction of starts that end on stable orbits, number of
 #: these orbits, fraction on the most frequent one, and mesh periods of the common orbit (0: none).
 DISTRIBUTION_VARIABLES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
@@ -38,7 +38,7 @@ _CAPTURE_DISTANCE = 0.3
 _MAX_FAILED_SEARCHES = 3
 
 
-def seeded_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndarray:
+def random_initial_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndarray:
     """Return copies of an initial state with random displacements, shape (starts, components).
 
     `state` is an array of coordinates and their velocities, or the name "static" or "rest".
@@ -57,7 +57,7 @@ def seeded_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndar
     return states
 
 
-def neighbouring_state(state: np.ndarray) -> np.ndarray:
+def perturb_state(state: np.ndarray) -> np.ndarray:
     """Return a copy of a state with a change that is tiny, but larger than rounding errors.
 
     If the motion from it ends elsewhere, the result cannot be reproduced by a measurement.
@@ -66,7 +66,7 @@ def neighbouring_state(state: np.ndarray) -> np.ndarray:
     return state + _TINY_DISPLACEMENT * np.cos(1.0 + np.arange(len(state)) ** 2.0)
 
 
-def ranges_over_starts(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, xr.DataArray]:
+def median_and_range(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, xr.DataArray]:
     """Return the median and the range of each variable over the initial states.
 
     `names` are variables of `dataset` with the dimension "start". The median of a variable keeps
@@ -222,7 +222,9 @@ class _OrbitSearch:
         return -1
 
 
-def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict) -> FinalMotion:
+def find_final_motions(
+    model: Any, tuning: float, states: np.ndarray, settings: dict
+) -> FinalMotion:
     """Return the motions on which the runs from several initial states end.
 
     `states` has the shape (starts, components); `tuning` is mesh frequency over natural frequency.
@@ -241,12 +243,14 @@ def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict)
     if len(search.orbits) > 1:
         # A motion counts as not settled if a tiny change of its start leads to another orbit.
         for i, state in enumerate(states):
-            if search.final_motion(neighbouring_state(state)).orbit != motions[i].orbit:
+            if search.final_motion(perturb_state(state)).orbit != motions[i].orbit:
                 motions[i] = motions[i]._replace(orbit=-1, period=0)
     return FinalMotion(*(np.array(column) for column in zip(*motions, strict=True)))
 
 
-def motions_from_equilibrium(model, tunings: Sequence[float], settings: dict) -> list[FinalMotion]:
+def find_motions_from_equilibrium(
+    model, tunings: Sequence[float], settings: dict
+) -> list[FinalMotion]:
     """Return the final motions from random states around static equilibrium, for each tuning.
 
     The tuning is mesh frequency over natural frequency. `settings` has the keys starts (number of
@@ -254,17 +258,17 @@ def motions_from_equilibrium(model, tunings: Sequence[float], settings: dict) ->
     (largest random displacement), periods and record_periods (numbers of computed and of evaluated
     mesh periods).
     """
-    states = seeded_states(model, "static", settings)
+    states = random_initial_states(model, "static", settings)
 
     def motions_at(tuning: float) -> FinalMotion:
         """Return the final motions from all initial states at a tuning."""
-        return final_motions(model, float(tuning), states, settings)
+        return find_final_motions(model, float(tuning), states, settings)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(motions_at, tunings))
 
 
-def warm_started_motions(model, tunings, settings: dict, direction: str) -> list[FinalMotion]:
+def find_warm_started_motions(model, tunings, settings: dict, direction: str) -> list[FinalMotion]:
     """Return the final motion at each tuning of a sweep "up" or "down" from a single state.
 
     The tuning is mesh frequency over natural frequency. Each run starts close to the end of the
@@ -272,7 +276,7 @@ def warm_started_motions(model, tunings, settings: dict, direction: str) -> list
     has the keys of `SETTINGS`: periods, record_periods, starts (not used), first_starts, seed and
     spread.
     """
-    start = seeded_states(model, "static", settings | {"starts": 1})
+    start = random_initial_states(model, "static", settings | {"starts": 1})
     # The same small random displacement is added to the start of each run.
     displacement = start - model.start_state("static")
     indices = np.argsort(tunings)
@@ -281,12 +285,12 @@ def warm_started_motions(model, tunings, settings: dict, direction: str) -> list
     motions: list[Any] = [None] * len(indices)
     states = start
     for i in indices:
-        motions[i] = final_motions(model, float(tunings[i]), states, settings)
+        motions[i] = find_final_motions(model, float(tunings[i]), states, settings)
         states = motions[i].state + displacement if motions[i].settled else start
     return motions
 
 
-def summarise(
+def build_motion_dataset(
     model: Any, motions: Sequence[FinalMotion], settings: dict, names: Sequence[str]
 ) -> xr.Dataset:
     """Return variables of motions over start, tuning and mesh, and their distribution over orbits.
@@ -328,7 +332,7 @@ def summarise(
     return dataset
 
 
-def sweep_with_seeded_starts(
+def sweep_random_starts(
     model: Any, tunings: Sequence[float], settings: dict, names: Sequence[str]
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
     """Compute a sweep with medians, ranges and fractions over random initial states.
@@ -338,17 +342,18 @@ def sweep_with_seeded_starts(
     equilibrium. The directions "up" and "down" have a single one, the end of the previous motion,
     and NaN where the motion does not settle. `settings` has the keys of `SETTINGS`: number, seed
     and spread of the states, and numbers of mesh periods. Return the sweep over direction, tuning
-    and mesh, and the data of every initial state, one result of `summarise` per direction.
+    and mesh, and the data of every initial state, one result of `build_motion_dataset` per
+    direction.
     """
     motions_by_direction = []
     directions = []
     for direction in DIRECTIONS:
         if direction == "cold":
-            motions = motions_from_equilibrium(model, tunings, settings)
+            motions = find_motions_from_equilibrium(model, tunings, settings)
         else:
-            motions = warm_started_motions(model, tunings, settings, direction)
-        final_data = summarise(model, motions, settings, (*names, "fraction_coast"))
-        ranges = ranges_over_starts(final_data, names)
+            motions = find_warm_started_motions(model, tunings, settings, direction)
+        final_data = build_motion_dataset(model, motions, settings, (*names, "fraction_coast"))
+        ranges = median_and_range(final_data, names)
         if direction != "cold":
             is_settled = final_data.settled == 1
             ranges = {name: values.where(is_settled) for name, values in ranges.items()}

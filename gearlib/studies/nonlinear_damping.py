@@ -17,8 +17,8 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.motions import true_intervals
-from gearlib.data.result import stacked
-from gearlib.data.variables import describe
+from gearlib.data.result import evaluate_on_grid
+from gearlib.data.variables import add_metadata
 from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
@@ -38,7 +38,7 @@ _JUMP_RESOLUTION = 1e-6
 _DISPLACEMENT_TOLERANCE = 1e-9
 
 
-def dissipation(coefficient: float, power: int, amplitude: float, frequency: float) -> float:
+def dissipated_work(coefficient: float, power: int, amplitude: float, frequency: float) -> float:
     """Return the work per period (N m) of the damping force D |v|^(n-1) v in a harmonic motion.
 
     `coefficient` is D in N s^n/m^n, `power` is n >= 1, v is the velocity; the motion has an
@@ -58,11 +58,11 @@ def equivalent_coefficient(
     Both dissipate the same work in a harmonic motion with `amplitude` (m) and angular `frequency`
     (rad/s). `linear_coefficient` is in N s/m, `exponent` is n >= 1, and D is in N s^n/m^n.
     """
-    linear_work = dissipation(linear_coefficient, 1, amplitude, frequency)
-    return linear_work / dissipation(1.0, exponent, amplitude, frequency)
+    linear_work = dissipated_work(linear_coefficient, 1, amplitude, frequency)
+    return linear_work / dissipated_work(1.0, exponent, amplitude, frequency)
 
 
-def damped_model(pair: GearPair, place: str, power: str, settings: dict) -> tuple[Any, float]:
+def build_damped_model(pair: GearPair, place: str, power: str, settings: dict) -> tuple[Any, float]:
     """Return a model with linear, quadratic or cubic damping, and its damping coefficient.
 
     `pair` is undamped. `place` is the location of the damping: "material" (in contact) or "oil" (in
@@ -82,7 +82,7 @@ def damped_model(pair: GearPair, place: str, power: str, settings: dict) -> tupl
     return OneDegreePair(pair=pair, **damping), coefficient
 
 
-def damping_study(
+def compute_damping_study(
     pair: GearPair,
     place: str,
     power: str,
@@ -94,19 +94,19 @@ def damping_study(
     """Compute sweeps with one damping force in all directions, their jumps, and phase portraits.
 
     `pair`, `place` (location of the damping, "material" or "oil"), `power` (of the velocity,
-    "linear", "quadratic" or "cubic") and `settings` are arguments of `damped_model`. `tunings` are
-    mesh frequencies over the natural frequency. `settings` also has the key shown, the tunings of
-    the phase portraits, each with `samples_per_period`. `run` has arguments of `gearlib.sweep`.
-    Variables of jumps and contact loss are NaN if there are none.
+    "linear", "quadratic" or "cubic") and `settings` are arguments of `build_damped_model`.
+    `tunings` are mesh frequencies over the natural frequency. `settings` also has the key shown,
+    the tunings of the phase portraits, each with `samples_per_period`. `run` has arguments of
+    `gearlib.sweep`. Variables of jumps and contact loss are NaN if there are none.
     """
-    damped, coefficient = damped_model(pair, place, power, settings)
+    damped, coefficient = build_damped_model(pair, place, power, settings)
     curves = {name: sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS}
 
     def sweep_variables(direction: str) -> dict:
         """Return the curves of the sweep in a direction, and its jump, peak and contact loss."""
         names = ("displacement_max", "displacement_min", "period")
         values = {name: curves[direction][name].values for name in names}
-        return values | _curve_features(damped, curves[direction], direction, run)
+        return values | _find_curve_features(damped, curves[direction], direction, run)
 
     def phase_portrait(tuning: float) -> dict:
         """Return displacement, velocity and phase of the motion at a tuning."""
@@ -114,7 +114,9 @@ def damping_study(
         return {name: motion[name].values for name in ("displacement", "velocity", "phase")}
 
     directions, shown = {"direction": list(DIRECTIONS)}, {"shown": list(settings["shown"])}
-    data = stacked(directions, sweep_variables, "tuning") | stacked(shown, phase_portrait, "phase")
+    data = evaluate_on_grid(directions, sweep_variables, "tuning") | evaluate_on_grid(
+        shown, phase_portrait, "phase"
+    )
     # An entry is (dimensions, values). All portraits have the phases of the first one.
     _, phases = data.pop("phase")
     phase = phases[0]
@@ -128,10 +130,12 @@ def damping_study(
     coords = {"tuning": np.asarray(tunings, float), "phase": phase - phase[0]}
     coords |= {**directions, **shown, "place": place, "power": power}
     title = "Nonlinear damping of a gear mesh"
-    return describe(xr.Dataset(data, coords, curve.attrs | {"title": title}))
+    return add_metadata(xr.Dataset(data, coords, curve.attrs | {"title": title}))
 
 
-def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -> dict[str, float]:
+def _find_curve_features(
+    damped: Any, curve: xr.Dataset, direction: str, run: dict
+) -> dict[str, float]:
     """Return jump, peak and widest range of contact loss of a sweep, as variable -> value.
 
     `curve` is the sweep of the model `damped` over tuning (mesh frequency over natural frequency)
@@ -157,13 +161,13 @@ def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -
     }
 
 
-def rows(studies: Sequence[xr.Dataset]) -> Iterator[list]:
+def table_rows(studies: Sequence[xr.Dataset]) -> Iterator[list]:
     """Yield the rows of the table of damping forces: the names of the columns, then their values.
 
-    `studies` are datasets from `damping_study`; each direction of their sweeps has a row. In the
-    columns, place is the location of the damping, power the power of the velocity, jump_interval
-    the width of the interval of tunings (dimensionless mesh frequencies) that contains the jump,
-    and jump_size the change of the orbit height.
+    `studies` are datasets from `compute_damping_study`; each direction of their sweeps has a row.
+    In the columns, place is the location of the damping, power the power of the velocity,
+    jump_interval the width of the interval of tunings (dimensionless mesh frequencies) that
+    contains the jump, and jump_size the change of the orbit height.
     """
     features = ("jump", "jump_interval", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
     yield ["place", "power", "coefficient", "unit", "direction", *features]

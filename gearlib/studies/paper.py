@@ -12,13 +12,13 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis import trust
-from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_grows
-from gearlib.data.variables import describe
+from gearlib.analysis.lyapunov import SETTLED_FLAGS, are_sensitive_to_rounding
+from gearlib.data.variables import add_metadata
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 
 
-def phase_plane_run(
+def simulate_phase_portrait(
     model: Any, pair: GearPair, tuning: float, run: dict, damping: str
 ) -> xr.Dataset:
     """Simulate the time history of a phase portrait, labelled with the name of its damping.
@@ -28,10 +28,10 @@ def phase_plane_run(
     """
     tuning = model.tuning_from(pair, tuning)
     motion = simulate(model, tuning, until_settled=True, **run)
-    return describe(motion.assign_coords(damping=damping))
+    return add_metadata(motion.assign_coords(damping=damping))
 
 
-def labels(
+def classify_motions(
     model: Any, pair: GearPair, tunings: Sequence[float], settings: dict, damping: str
 ) -> xr.Dataset:
     """Classify the motion from rest (periodic, chaotic, ...) at each tuning.
@@ -42,7 +42,7 @@ def labels(
     """
     tunings = model.tuning_from(pair, np.asarray(tunings))
     classified = trust.classify_at_tunings(model, tunings, **settings)
-    return describe(classified.assign_coords(damping=damping))
+    return add_metadata(classified.assign_coords(damping=damping))
 
 
 def harmonic_lags(motion: xr.Dataset, count: int) -> np.ndarray:
@@ -60,7 +60,7 @@ def harmonic_lags(motion: xr.Dataset, count: int) -> np.ndarray:
     return (lags + 90.0) % 360.0 - 90.0
 
 
-def phase_lag(
+def compute_phase_lag(
     pair: GearPair, dampings, tuning, tunings, *, harmonics, periods, samples_per_period
 ) -> xr.Dataset:
     """Compute time histories and lags of all harmonics at a tuning, and the first lag over tuning.
@@ -80,8 +80,12 @@ def phase_lag(
         model_lags = [harmonic_lags(simulate(model, nu, **run), 1)[0] for nu in tunings]
         first_lags.append(model_lags)
     rest = (0.0, 0.0)
-    is_settled = ~np.array([rounding_grows(model, tunings, rest, periods) for model in models])
-    is_reliable = ~np.array([rounding_grows(model, [tuning], rest, periods) for model in models])
+    is_settled = ~np.array(
+        [are_sensitive_to_rounding(model, tunings, rest, periods) for model in models]
+    )
+    is_reliable = ~np.array(
+        [are_sensitive_to_rounding(model, [tuning], rest, periods) for model in models]
+    )
     lags = [harmonic_lags(motion, harmonics) for motion in motions]
     histories = [motion.displacement.values for motion in motions]
     settled_attrs = {"units": "1", "long_name": "whether the motion from rest settles"}
@@ -104,4 +108,4 @@ def phase_lag(
         "tuning": tunings,
     }
     attrs = motions[0].attrs | {"title": "Phase lag of a gear mesh"}
-    return describe(xr.Dataset(data, coords, attrs))
+    return add_metadata(xr.Dataset(data, coords, attrs))

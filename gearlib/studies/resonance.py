@@ -14,7 +14,7 @@ from gearlib.analysis.orbits.continuation import continue_orbit, switch_branch
 from gearlib.analysis.orbits.loci import locus
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
-from gearlib.data.variables import describe
+from gearlib.data.variables import add_metadata
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep, sweep_down
 from gearlib.tunings import grid
@@ -49,20 +49,20 @@ def sweep_window(
         curve, _ = sweep_down(model, tunings, lowest_tuning, threads=threads, **run)
     else:
         curve = sweep(model, tunings, direction=direction, threads=threads, **run)
-    return describe(curve.assign_coords(damping=damping, direction=direction))
+    return add_metadata(curve.assign_coords(damping=damping, direction=direction))
 
 
-def branches(pair: GearPair, settings: dict, damping: str) -> xr.Dataset:
+def compute_branches(pair: GearPair, settings: dict, damping: str) -> xr.Dataset:
     """Compute the branches of periodic orbits of a gear pair, labelled with its damping.
 
     A branch is a curve of orbits over tuning, mesh frequency over natural frequency. `settings` are
-    start and stop (tunings), step, max_height and max_points, the arguments of `branches_of`;
+    start and stop (tunings), step, max_height and max_points, the arguments of `follow_branches`;
     `damping` is the name of the damping combination.
     """
-    return describe(branches_of(pair, **settings).assign_coords(damping=damping))
+    return add_metadata(follow_branches(pair, **settings).assign_coords(damping=damping))
 
 
-def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Dataset:
+def follow_branches(model: Any, start: float, stop: float, **settings: Any) -> xr.Dataset:
     """Compute the branches of periodic orbits between two tunings, joined along ``point``.
 
     The tunings `start` and `stop` are mesh frequencies over the natural frequency. Branches of one
@@ -74,7 +74,7 @@ def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Da
     for begin, end in ((start, stop), (stop, start)):
         # The branch from `start` may already have reached `stop`.
         if not branches or float(branches[0].tuning[-1]) != begin:
-            orbit = _orbit_at(model, begin)
+            orbit = _find_orbit(model, begin)
             if orbit is not None:
                 branches.append(continue_orbit(orbit, to=end, **settings))
     if not branches:
@@ -82,7 +82,9 @@ def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Da
     for branch in list(branches):
         for point in np.flatnonzero(branch.label == DOUBLING):
             try:
-                branches.append(_doubled_branch(model, branch, int(point), start, stop, settings))
+                branches.append(
+                    _follow_doubled_branch(model, branch, int(point), start, stop, settings)
+                )
             except NoOrbit:
                 continue
     numbered = []
@@ -90,10 +92,10 @@ def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Da
         numbers = np.full(branch.sizes["point"], number, np.int32)
         periods = np.full(branch.sizes["point"], int(branch.period), np.int32)
         numbered.append(branch.assign(branch=("point", numbers), period=("point", periods)))
-    return _joined(numbered, branches[0].attrs, "Branches of periodic orbits of a gear mesh")
+    return _join_branches(numbered, branches[0].attrs, "Branches of periodic orbits of a gear mesh")
 
 
-def _orbit_at(model: Any, tuning: float) -> Any:
+def _find_orbit(model: Any, tuning: float) -> Any:
     """Return an orbit of one mesh period at a tuning, or None if none is found.
 
     The tuning is mesh frequency over natural frequency. The search by Newton's method starts from
@@ -107,7 +109,7 @@ def _orbit_at(model: Any, tuning: float) -> Any:
     return None
 
 
-def _doubled_branch(
+def _follow_doubled_branch(
     model: Any, branch: xr.Dataset, point: int, start: float, stop: float, settings: dict
 ) -> xr.Dataset:
     """Follow the branch of doubled period that starts at a point of a branch, and return it.
@@ -127,7 +129,7 @@ def _doubled_branch(
     return max(candidates, key=lambda candidate: candidate.sizes["point"])
 
 
-def _joined(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Dataset:
+def _join_branches(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Dataset:
     """Join branches along ``point``, with NaN for the Floquet multipliers of grazing orbits.
 
     A grazing orbit touches the boundary of contact at zero velocity. Near it, the multipliers
@@ -142,7 +144,7 @@ def _joined(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Datas
     return dataset
 
 
-def loci(
+def compute_loci(
     pair: GearPair, branches: xr.Dataset, start: float, stop: float, lowest: float, highest: float
 ) -> xr.Dataset:
     """Compute the curves (loci) of special orbits of one mesh period over tuning and damping ratio.
@@ -175,5 +177,7 @@ def loci(
             start_point = "point", np.full(count, point, np.int32)
             curve = curve.rename(damping="damping_ratio")
             datasets.append(curve.assign(label=label, locus=start_point))
-    dataset = _joined(datasets, branches.attrs, "Loci of special points over tuning and damping")
-    return describe(dataset.assign(own_damping=damping_ratio))
+    dataset = _join_branches(
+        datasets, branches.attrs, "Loci of special points over tuning and damping"
+    )
+    return add_metadata(dataset.assign(own_damping=damping_ratio))

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis.order_maps import order_map
-from gearlib.data.result import result
+from gearlib.data.result import make_result
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_up import run_up
 
@@ -74,5 +74,5 @@ def run_ups_at_several_rates(
     # In the CF conventions a coordinate called "time" has a reference date, which is missing here.
     map_names = ["amplitude", "rpm", "overall", "teeth", "order_resolution"]
     dataset = dataset.merge(slow_map[map_names].rename(time="block"))
-    dataset = result("Run-ups of a gear mesh", model, dataset, method="exact")
+    dataset = make_result("Run-ups of a gear mesh", model, dataset, method="exact")
     return dataset.assign_attrs({name: slow_map.attrs[name] for name in ("variable", "amplitude")})

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from gearlib.data.status import flags_of
-from gearlib.data.variables import describe
+from gearlib.data.status import flag_attributes
+from gearlib.data.variables import add_metadata
 from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
@@ -41,7 +41,7 @@ _DISPLACEMENTS = ("displacement_max", "displacement_min")
 _FORCES = ("dynamic_force_max", "dynamic_force_min")
 #: Segments of constant stiffness in a mesh period that starts at the middle of double contact.
 _STIFFNESS_SEGMENTS = 3
-_FLAGS = flags_of(("unsettled", "free_of_rounding"))
+_FLAGS = flag_attributes(("unsettled", "free_of_rounding"))
 
 
 def build_model(name: str, pair: GearPair, six_degrees: dict, harmonics: int | None = None) -> Any:
@@ -60,7 +60,7 @@ def build_model(name: str, pair: GearPair, six_degrees: dict, harmonics: int | N
     return SixDegreePair(pair=pair, **six_degrees)
 
 
-def representative_runs(
+def simulate_representative_runs(
     model: Any, tuning: float, run: dict, settings: dict
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
     """Return the run from the initial state, and the list of runs that represent the motion.
@@ -78,26 +78,28 @@ def representative_runs(
         return simulate(model, tuning, **run | options | {"initial_state": start})
 
     nominal_run = run_from(initial_state, until_settled=True)
-    neighbour = run_from(many_starts.neighbouring_state(initial_state), samples_per_period=1)
+    neighbour = run_from(many_starts.perturb_state(initial_state), samples_per_period=1)
     names = (*_DISPLACEMENTS, *_FORCES)
     change = max(abs(float(nominal_run[name] - neighbour[name])) for name in names)
     if change < _MAX_ROUNDING_CHANGE:
         return nominal_run, [nominal_run]
-    states = many_starts.seeded_states(model, initial_state, settings)
+    states = many_starts.random_initial_states(model, initial_state, settings)
     return nominal_run, [run_from(state, samples_per_period=1) for state in states]
 
 
-def chosen_model_scene(comparison, cases, six_degrees: dict, run: dict, starts: dict) -> xr.Dataset:
+def simulate_scene_with_chosen_model(
+    comparison, cases, six_degrees: dict, run: dict, starts: dict
+) -> xr.Dataset:
     """Simulate a set of cases (a scene) with the model that a comparison of models has chosen.
 
     `comparison` is a result of `compare`. A case has the keys title, tuning and pair; `six_degrees`
     has arguments of `SixDegreePair`, `run` of `gearlib.simulate`, and `starts` the number, seed and
     spread of random initial states. The dataset is described in `scene`.
     """
-    return scene(cases, comparison.chosen.item(), six_degrees, run, starts)
+    return simulate_scene(cases, comparison.chosen.item(), six_degrees, run, starts)
 
 
-def scene(
+def simulate_scene(
     cases: Sequence[dict], model: str, six_degrees: dict, run: dict, starts: dict
 ) -> xr.Dataset:
     """Simulate a set of cases (a scene), and return time histories and summaries of all cases.
@@ -112,19 +114,19 @@ def scene(
     histories = []
     for case in cases:
         case_model = build_model(model, case["pair"], six_degrees)
-        nominal_run, runs = representative_runs(case_model, case["tuning"], run, starts)
+        nominal_run, runs = simulate_representative_runs(case_model, case["tuning"], run, starts)
         history = nominal_run.drop_dims("event")
         history["free_of_rounding"] = (), np.int8(runs[0] is nominal_run), _FLAGS
         history["losing_share"] = (), np.mean([float(record.bounces) > 0.0 for record in runs])
         phase = (history.phase - history.phase[0]).assign_attrs(history.phase.attrs)
-        histories.append(describe(history.assign_coords(phase=phase), case_model))
+        histories.append(add_metadata(history.assign_coords(phase=phase), case_model))
     titles = xr.IndexVariable("case", [case["title"] for case in cases])
     options = {"data_vars": "all", "coords": "minimal", "compat": "equals", "join": "exact"}
     dataset = xr.concat(histories, titles, combine_attrs="drop_conflicts", **options)
-    return describe(dataset.assign(model=model))
+    return add_metadata(dataset.assign(model=model))
 
 
-def compare(
+def compare_models(
     cases: Sequence[dict], criteria: dict, six_degrees: dict, harmonics: int, run: dict, starts
 ) -> xr.Dataset:
     """Run a set of cases (a scene) with every model, and choose the smallest accurate model.
@@ -146,13 +148,13 @@ def compare(
     for i, j in np.ndindex(is_reliable.shape):
         tuning = cases[j]["tuning"]
         model = build_model(names[i], cases[j]["pair"], six_degrees, harmonics)
-        first_run, runs = representative_runs(model, tuning, run, starts)
+        first_run, runs = simulate_representative_runs(model, tuning, run, starts)
         is_reliable[i, j] = runs[0] is first_run
         # A single representative run is broadcast over all starts.
         values[:, i, j] = [[float(record[name]) for name in observables] for record in runs]
         scales[:, i, j] = [[_change_scale(record, name) for name in observables] for record in runs]
-        costs[:, i, j] = [_cost(model, tuning, record, run) for record in runs]
-    change, is_change_reliable = _relative_changes(values, scales, is_reliable)
+        costs[:, i, j] = [_estimate_cost(model, tuning, record, run) for record in runs]
+    change, is_change_reliable = _compute_relative_changes(values, scales, is_reliable)
     lowest, highest = change.min(axis=0), change.max(axis=0)
     # The upper end is raised by the range over the starts, as a margin for all other starts.
     with np.errstate(invalid="ignore"):
@@ -166,7 +168,7 @@ def compare(
             "cost": (("start", "model"), costs.mean(axis=2)),
         }
     )
-    data = many_starts.ranges_over_starts(by_start, [*by_start]) | {
+    data = many_starts.median_and_range(by_start, [*by_start]) | {
         "free_of_rounding": (("model", "case"), is_reliable.astype(np.int8), _FLAGS),
         "change_free_of_rounding": ("model", is_change_reliable.astype(np.int8), _FLAGS),
         "chosen": accurate[0] if accurate else candidates[-1],
@@ -179,10 +181,10 @@ def compare(
     model_attrs = ("gear_pair", "parameters")
     attrs = {name: text for name, text in first_run.attrs.items() if name not in model_attrs}
     attrs["title"] = "Comparison of models for one scene"
-    return describe(xr.Dataset(data, coords, attrs))
+    return add_metadata(xr.Dataset(data, coords, attrs))
 
 
-def _relative_changes(
+def _compute_relative_changes(
     values: np.ndarray, scales: np.ndarray, is_reliable: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the changes of the models, (starts, models), and a mask of reliable ones, (models,).
@@ -222,7 +224,7 @@ def _change_scale(run: xr.Dataset, observable: str) -> float:
     return 1.0
 
 
-def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
+def _estimate_cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
     """Return the number of state components that a run computes per mesh period.
 
     `record` is a result of `simulate` with the arguments `run`, at a tuning (dimensionless mesh
@@ -242,7 +244,7 @@ def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
     return min(rounded_costs, key=lambda rounded: abs(math.log(rounded / cost)))
 
 
-def rows(comparisons: Sequence[xr.Dataset], scenes: Sequence[str]) -> Iterator[list]:
+def table_rows(comparisons: Sequence[xr.Dataset], scenes: Sequence[str]) -> Iterator[list]:
     """Yield the rows of the table of comparisons: the names of the columns, then their values.
 
     `comparisons` are datasets from `compare`, `scenes` the names of their sets of cases; each model

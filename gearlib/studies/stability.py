@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 
 from gearlib.analysis.tongues import meissner, search
 from gearlib.data.motions import true_intervals
-from gearlib.data.result import result
-from gearlib.data.status import flags_of
+from gearlib.data.result import make_result
+from gearlib.data.status import flag_attributes
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
 
@@ -37,7 +37,7 @@ NONE, PARAMETRIC, FORCED = 0, 1, 2
 CAUSES = ("none", "parametric instability", "forced response")
 
 
-def stability_chart(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
+def compute_stability_chart(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Compute growth rates and instability tongues over tuning and each parameter of `PLANES`.
 
     A tongue is an interval of tunings (mesh frequency over natural frequency) in which the motion
@@ -73,17 +73,17 @@ def stability_chart(pair: GearPair, tunings: Sequence[float], settings: dict) ->
         chart = xr.concat(tongues, "damping", join="outer")
         planes.append(chart.assign(value=("row", values), growth=(("row", "tuning"), growth)))
     data = xr.concat(planes, xr.IndexVariable("plane", [*PLANES]), join="outer")
-    points = _zero_width_points(model, data.order.values, settings["least_stiffness_ratio"])
+    points = _find_zero_width_points(model, data.order.values, settings["least_stiffness_ratio"])
     data = data.assign(
         **points,
         closing_damping=undamped.closing_damping.reindex(order=data.order),
         own_value=("plane", [model.stiffness_ratio, model.contact_ratio, 0.0]),
     ).assign_coords(tuning=np.array(tunings))
     title = "Tongues of parametric resonance"
-    return result(title, model, data, method="closed form", **settings)
+    return make_result(title, model, data, method="closed form", **settings)
 
 
-def _zero_width_points(
+def _find_zero_width_points(
     pair: GearPair, orders: Sequence[int], min_stiffness_ratio: float
 ) -> dict[str, tuple[str, np.ndarray]]:
     """Return the points of the chart where undamped tongues have zero width, as variables.
@@ -99,7 +99,7 @@ def _zero_width_points(
     for order in orders:
         for plane, fixed_parameter in fixed_parameters.items():
             fixed_value = {fixed_parameter: getattr(pair, fixed_parameter)}
-            for value, tuning in meissner.coexistence(order, **fixed_value):
+            for value, tuning in meissner.coexistence_points(order, **fixed_value):
                 if plane != "stiffness_ratio" or value >= min_stiffness_ratio:
                     points.append((plane, value, tuning))
     return {
@@ -109,7 +109,7 @@ def _zero_width_points(
     }
 
 
-def contact_loss(
+def find_contact_loss_causes(
     pairs: dict[str, GearPair], tuning: float, start: float, stop: float, run: dict
 ) -> xr.Dataset:
     """Compute instability tongues of gear pairs with different damping, and why contact is lost.
@@ -127,7 +127,7 @@ def contact_loss(
     models = [*pairs.values()]
     tongues = [search.tongues(model, start=start, stop=stop) for model in models]
     dampings = [
-        data[["tuning_from", "tuning_to"]].assign(_contact_loss_data(model, tuning, data, run))
+        data[["tuning_from", "tuning_to"]].assign(_analyse_contact_loss(model, tuning, data, run))
         for model, data in zip(models, tongues, strict=True)
     ]
     data = xr.concat(dampings, xr.IndexVariable("damping", [*pairs]), join="outer")
@@ -136,12 +136,12 @@ def contact_loss(
     data = data.assign(closing_damping=closing_dampings.max("model"), asked=tuning)
     title = "Parametric resonance of the dampings"
     parameters = {name: pair.as_dict() for name, pair in pairs.items()}
-    dataset = result(title, models[0], data, method="closed form", pairs=parameters, **run)
-    dataset["cause"].attrs |= flags_of(CAUSES)
+    dataset = make_result(title, models[0], data, method="closed form", pairs=parameters, **run)
+    dataset["cause"].attrs |= flag_attributes(CAUSES)
     return dataset
 
 
-def _contact_loss_data(pair: GearPair, tuning: float, tongues: xr.Dataset, run: dict) -> dict:
+def _analyse_contact_loss(pair: GearPair, tuning: float, tongues: xr.Dataset, run: dict) -> dict:
     """Return nearest tongue, growth rate, contact loss and its cause at a tuning, as variables.
 
     The tuning is mesh frequency over natural frequency. `tongues` has the intervals of unstable
@@ -154,13 +154,13 @@ def _contact_loss_data(pair: GearPair, tuning: float, tongues: xr.Dataset, run: 
     order = int(distance.idxmin("order")) if distance.size else 0
     ratios = pair.contact_ratio, pair.stiffness_ratio, pair.damping_ratio
     growth = float(meissner.growth(*ratios, tuning))
-    min_displacement = orbit_min(pair, tuning)
+    min_displacement = min_orbit_displacement(pair, tuning)
     cause = NONE
     if min_displacement < -_DISPLACEMENT_TOLERANCE:
         cause = FORCED
     elif growth > 0.0:
         cause = PARAMETRIC
-    loses_contact, loss_from, loss_to = _loss_from_rest(pair, tuning, order, run)
+    loses_contact, loss_from, loss_to = _find_contact_loss_from_rest(pair, tuning, order, run)
     return {
         "damping_ratio": pair.damping_ratio,
         "nearest_order": np.int32(order),
@@ -169,23 +169,23 @@ def _contact_loss_data(pair: GearPair, tuning: float, tongues: xr.Dataset, run: 
         "lost": np.int8(loses_contact),
         "loss_from": loss_from,
         "loss_to": loss_to,
-        "forced_from": _forced_loss_tuning(pair, tuning),
+        "forced_from": _find_forced_contact_loss(pair, tuning),
         "cause": np.int8(cause),
     }
 
 
-def orbit_min(pair: GearPair, tuning: float) -> float:
+def min_orbit_displacement(pair: GearPair, tuning: float) -> float:
     """Return the smallest displacement of the orbit that keeps contact, static deflections.
 
     It is computed with a linear pair, which has no backlash. If it is negative, the real pair would
     lose contact on this orbit. `tuning` is mesh frequency over natural frequency.
     """
-    state, linear = meissner.orbit_state(pair, tuning), meissner.linear_pair(pair)
+    state, linear = meissner.orbit_state(pair, tuning), meissner.without_backlash(pair)
     curve = sweep(linear, [tuning], periods=1, record_periods=1, initial_state=state)
     return float(curve.displacement_min[0])
 
 
-def _loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
+def _find_contact_loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
     """Return whether the motion from rest loses contact at a tuning, and the range of such tunings.
 
     The tuning is mesh frequency over natural frequency. `order` is the number n of the nearest
@@ -194,7 +194,7 @@ def _loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
     """
     lower = upper = tuning
     if order:
-        gap: Any = meissner.gap(meissner.equation_of(pair), order)  # range of 1 / tuning
+        gap: Any = meissner.find_gap(meissner.equation_of_pair(pair), order)  # range of 1 / tuning
         upper, lower = (1.0 / end for end in gap)
     margin = _REST_SCAN_WIDTHS * (upper - lower) + _MIN_REST_SCAN_MARGIN
     first_tuning, last_tuning = min(lower, tuning) - margin, max(upper, tuning) + margin
@@ -211,30 +211,32 @@ def _loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
     return False, math.nan, math.nan
 
 
-def _forced_loss_tuning(pair: GearPair, tuning: float) -> float:
+def _find_forced_contact_loss(pair: GearPair, tuning: float) -> float:
     """Return the lowest tuning from `tuning` on at which the forced orbit itself loses contact.
 
     The tuning is mesh frequency over natural frequency. A scan brackets the zero of the smallest
     displacement, which a root finder refines. Return NaN if no tuning of the scan has contact loss.
     """
     scan = np.linspace(tuning, tuning + _FORCED_SCAN_RANGE, _FORCED_SCAN_TUNINGS)
-    losses = np.flatnonzero([orbit_min(pair, nu) < 0.0 for nu in scan])
+    losses = np.flatnonzero([min_orbit_displacement(pair, nu) < 0.0 for nu in scan])
     if not losses.size:
         return math.nan
     i = losses[0]
     if i == 0:
         return tuning
-    return float(brentq(lambda nu: orbit_min(pair, nu), scan[i - 1], scan[i], xtol=1e-12))
+    return float(
+        brentq(lambda nu: min_orbit_displacement(pair, nu), scan[i - 1], scan[i], xtol=1e-12)
+    )
 
 
-def rows(tongues: xr.Dataset) -> Iterator[list]:
+def table_rows(tongues: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of causes: the names of the columns, then one row per damping.
 
-    `tongues` is a dataset from `contact_loss` at the tuning "asked", mesh frequency over natural
-    frequency. orbit_min is the smallest displacement of the forced orbit, loss_from and loss_to
-    bound the tunings at which the motion from rest loses contact, and forced_from is the lowest
-    tuning at which the forced orbit does. growth_percent is the growth of perturbations per mesh
-    period.
+    `tongues` is a dataset from `find_contact_loss_causes` at the tuning "asked", mesh frequency
+    over natural frequency. orbit_min is the smallest displacement of the forced orbit, loss_from
+    and loss_to bound the tunings at which the motion from rest loses contact, and forced_from is
+    the lowest tuning at which the forced orbit does. growth_percent is the growth of perturbations
+    per mesh period.
     """
     tongue_names = ["tuning_from", "tuning_to", "closing_damping"]
     motion_names = ["orbit_min", "loss_from", "loss_to", "forced_from"]

@@ -9,7 +9,7 @@ import xarray as xr
 
 from gearlib.analysis.duty_point import iso_dynamic_factor
 from gearlib.data.motions import true_intervals
-from gearlib.data.result import result
+from gearlib.data.result import make_result
 from gearlib.data.status import NO_START
 from gearlib.runs.sweeping import WARM_STARTED, motions_agree, sweep
 
@@ -19,15 +19,15 @@ SPEED_RANGE = 0.1, 1.4
 _NOT_REACHED = {"period": np.int32(0), "status": np.int8(NO_START)}
 
 
-def over_speed_range(model: Any, points: int, start=None, stop=None, speed=None) -> xr.Dataset:
+def sweep_speed_range(model: Any, points: int, start=None, stop=None, speed=None) -> xr.Dataset:
     """Compute dynamic factor and transmission error of a load-sharing pair over a range of speeds.
 
     There are `points` speeds from `start` to `stop`, rpm, with the defaults of `speed_range`;
     `speed` is the operating speed, rpm, or None. Each run has 150 mesh periods, of which the last
-    10 are evaluated. The dataset is described in `over_speed`.
+    10 are evaluated. The dataset is described in `sweep_speeds`.
     """
     speeds = np.linspace(*speed_range(model, speed, start, stop), points)
-    return over_speed(model, speeds, speed, periods=150, record_periods=10)
+    return sweep_speeds(model, speeds, speed, periods=150, record_periods=10)
 
 
 def speed_range(model: Any, speed=None, start=None, stop=None) -> tuple[float, float]:
@@ -45,7 +45,7 @@ def speed_range(model: Any, speed=None, start=None, stop=None) -> tuple[float, f
     return start, stop
 
 
-def over_speed(
+def sweep_speeds(
     model: Any, speeds: np.ndarray, speed=None, directions=WARM_STARTED, **settings: Any
 ) -> xr.Dataset:
     """Compute dynamic factor and transmission error of a load-sharing pair over the speed.
@@ -99,7 +99,7 @@ def over_speed(
     factors = iso_dynamic_factor(stage, torque, data.speed.values)
     if factors is not None:
         data["iso_dynamic_factor"] = "tuning", factors
-    jumps = _jumps(data) if {*WARM_STARTED} <= {*directions} else np.empty((0, 2))
+    jumps = _find_jump_speeds(data) if {*WARM_STARTED} <= {*directions} else np.empty((0, 2))
     data["jump_down_speed"] = "hysteresis", jumps[:, 0]
     data["jump_up_speed"] = "hysteresis", jumps[:, 1]
     title = "Dynamic factor and transmission error of a gear mesh over the speed"
@@ -107,13 +107,13 @@ def over_speed(
         data["complete"] = data.complete.min()
     parameters = {name: settings[name] for name in ("periods", "record_periods")}
     method = settings.get("method") or next(iter(model.propagators))
-    data = result(title, model, data.drop_attrs(deep=False), method=method, **parameters)
+    data = make_result(title, model, data.drop_attrs(deep=False), method=method, **parameters)
     if any(stage.pitch_errors):
         data.attrs["comment"] = "The pitch errors of the gears are left out."
     return data
 
 
-def _jumps(data: xr.Dataset) -> np.ndarray:
+def _find_jump_speeds(data: xr.Dataset) -> np.ndarray:
     """Return the ends of the k intervals of speed in which the sweeps up and down differ, (k, 2).
 
     `data` has both sweeps along the dimension direction. The ends are speeds in rpm, lower one

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.motions import FRACTION_TOLERANCE, force_ratio
-from gearlib.data.result import result
+from gearlib.data.result import make_result
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.studies import many_starts
@@ -21,7 +21,7 @@ BRANCHES = 3
 _QUANTITIES = ("load_sharing", "contact_loss_fraction")
 
 
-def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
+def build_reducer(pair: GearPair, settings: dict, **changes: Any) -> Any:
     """Return the paper's reducer, whose branches share the power, as a `GearTrain`.
 
     Its tuning, the dimensionless mesh frequency, refers to the natural frequency of the gear pair.
@@ -39,7 +39,7 @@ def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
     return split_power_reducer(pair, **arguments | changes)
 
 
-def reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
+def sweep_reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Compute force and contact of all meshes of the reducer over tuning, without and with errors.
 
     The tuning is mesh frequency over natural frequency. `settings` has teeth, modules,
@@ -51,19 +51,19 @@ def reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Data
     """
     tunings = np.asarray(tunings, float)
     backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
-    equal_branches = reducer_train(pair, settings)
+    equal_branches = build_reducer(pair, settings)
     # Radial and tangential pin errors (m): only the first branch has one.
     pin_errors = [tuple(settings["pin_error"])] + [(0.0, 0.0)] * (BRANCHES - 1)
     trains = {
         "alike": equal_branches,
-        "pin_error": reducer_train(pair, settings, pin_errors=pin_errors),
-        "unequal_backlash": reducer_train(pair, settings, backlashes=backlashes),
+        "pin_error": build_reducer(pair, settings, pin_errors=pin_errors),
+        "unequal_backlash": build_reducer(pair, settings, backlashes=backlashes),
     }
     # Meshes have names such as "first 2": their stage and their branch.
     names = equal_branches.mesh_names
     branch = np.array([int(name.split()[1]) for name in names], np.int32)
     stage = np.array([1 if name.startswith("first") else 2 for name in names], np.int32)
-    cases = [_reducer_case(train, tunings, settings, branch) for train in trains.values()]
+    cases = [_sweep_reducer_case(train, tunings, settings, branch) for train in trains.values()]
     dataset = xr.concat(cases, xr.IndexVariable("case", [*trains]), combine_attrs="override")
     dataset = dataset.assign(
         mesh_branch=("mesh", branch),
@@ -74,10 +74,10 @@ def reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Data
     reported = ("pin_error", "backlashes", *many_starts.SETTINGS)
     parameters = {"method": "exact", "initial_state": "static"}
     parameters |= {name: settings[name] for name in reported}
-    return result(title, equal_branches, dataset.merge(equal_branches.layout()), **parameters)
+    return make_result(title, equal_branches, dataset.merge(equal_branches.layout()), **parameters)
 
 
-def _reducer_case(
+def _sweep_reducer_case(
     train: Any, tunings: np.ndarray, settings: dict, mesh_branches: np.ndarray
 ) -> xr.Dataset:
     """Compute the sweep of a reducer, its largest force ratios, and fractions of initial states.
@@ -88,7 +88,7 @@ def _reducer_case(
     spread of initial states and the mesh periods of the runs (`many_starts.SETTINGS`).
     """
     quantities = train.force_ratio_name, *_QUANTITIES
-    sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, quantities)
+    sweep, motions = many_starts.sweep_random_starts(train, tunings, settings, quantities)
     losses = [motion.contact_loss_fraction.values > FRACTION_TOLERANCE for motion in motions]
     coast_contacts = [motion.fraction_coast.values > FRACTION_TOLERANCE for motion in motions]
     loss_fractions = [single_branch_fraction(loss, mesh_branches) for loss in losses]
@@ -146,11 +146,11 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
         tuning_lists = [" ".join(f"{nu:g}" for nu in tunings[mask]) for mask in masks]
         ratio = f"{float(cell.largest_ratio):.4g}"
         names = [cell[name].item() for name in ("case", "direction", "mesh")]
-        speed = _whole_number(speed_per_tuning * tuning)
+        speed = _format_rounded(speed_per_tuning * tuning)
         yield [*names, ratio, f"{tuning:g}", speed, *tuning_lists]
 
 
-def over_speed(train: Any, tunings: Sequence[float], settings: dict) -> xr.Dataset:
+def sweep_train(train: Any, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Compute force and contact of all meshes of a gear train over tuning.
 
     The tuning is mesh frequency over natural frequency. `settings` has the keys of
@@ -159,40 +159,42 @@ def over_speed(train: Any, tunings: Sequence[float], settings: dict) -> xr.Datas
     """
     tunings = np.asarray(tunings, float)
     quantities = train.force_ratio_name, *_QUANTITIES
-    dataset, _ = many_starts.sweep_with_seeded_starts(train, tunings, settings, quantities)
+    dataset, _ = many_starts.sweep_random_starts(train, tunings, settings, quantities)
     dataset = dataset.assign(speed=("tuning", train.speed(tunings)))
     dataset = dataset.assign_coords(tuning=tunings, mesh=list(train.mesh_names))
     title = "All meshes of a gear train over speed"
     parameters = {"method": "exact", "initial_state": "static"} | settings
-    return result(title, train, dataset.merge(train.layout()), **parameters)
+    return make_result(title, train, dataset.merge(train.layout()), **parameters)
 
 
-def campbell(characteristics, orders: int, pair=None, settings=None, train=None) -> xr.Dataset:
+def compute_campbell_diagram(
+    characteristics, orders: int, pair=None, settings=None, train=None
+) -> xr.Dataset:
     """Compute the Campbell diagram of a train, and the speeds at which its meshes lose contact.
 
     A Campbell diagram has the natural frequencies, and the speeds at which multiples of mesh
-    frequencies meet them. `characteristics` are the sweeps from `over_speed` with `train`, or from
+    frequencies meet them. `characteristics` are the sweeps from `sweep_train` with `train`, or from
     `reducer` with `pair` and `settings`, of which the case of equal branches is used. `orders` is
     the highest multiple of each mesh frequency. In the dataset, mesh_rate is the mesh frequency of
     each mesh divided by that of the reference mesh, contact_loss_fraction_high the largest fraction
     of time without contact over all initial states.
     """
-    model = train or reducer_train(pair, settings)
+    model = train or build_reducer(pair, settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
     data = model.campbell(orders).drop_vars("modal_force").merge(model.layout())
     names = ["contact_loss_fraction_high", "settled", "speed"]
     data = data.assign({name: sweeps[name] for name in names})
     data["mesh_rate"] = "mesh", [float(ratio) for ratio in model.frequency_ratios]
     name = "gear train" if train else "reducer with three double satellites"
-    return result(f"Campbell diagram of a {name}", model, data, method="exact", orders=orders)
+    return make_result(f"Campbell diagram of a {name}", model, data, method="exact", orders=orders)
 
 
 def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of intersections in a Campbell diagram, ordered by speed.
 
-    `diagram` is a dataset from `campbell`. At an intersection a multiple of a mesh frequency equals
-    a natural frequency. Those above the fastest speed of the sweep are omitted; modes of equal
-    frequency share a row.
+    `diagram` is a dataset from `compute_campbell_diagram`. At an intersection a multiple of a mesh
+    frequency equals a natural frequency. Those above the fastest speed of the sweep are omitted;
+    modes of equal frequency share a row.
     """
     speeds = diagram.speed.values
     loss = diagram.contact_loss_fraction_high.values
@@ -204,7 +206,7 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
         for mode in diagram.mode.values:
             cell = diagram.sel(stiffness_order=order, mode=mode)
             speed, frequency = float(cell.critical_speed), float(cell.natural_frequency)
-            numbers = _whole_number(speed), f"{order:.4g}", _whole_number(frequency)
+            numbers = _format_rounded(speed), f"{order:.4g}", _format_rounded(frequency)
             texts = *numbers, str(cell.mode_kind.item())
             if speed <= speeds[-1]:
                 _, is_excited = intersections.get(texts, (0.0, False))
@@ -217,6 +219,6 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
         yield [*texts, "yes" if is_excited else "no", contact_lost if speed >= speeds[0] else ""]
 
 
-def _whole_number(value: float) -> str:
+def _format_rounded(value: float) -> str:
     """Return a value as a string without decimals, or with three digits if it is below 100."""
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"

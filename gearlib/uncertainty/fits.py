@@ -15,8 +15,8 @@ from scipy.stats import binom, chi2
 from scipy.stats import t as student
 
 from gearlib import checks, parameters
-from gearlib.analysis.sensitivities import richardson
-from gearlib.data.result import result
+from gearlib.analysis.sensitivities import richardson_derivative
+from gearlib.data.result import make_result
 from gearlib.models.model import is_model
 from gearlib.parameters import Limits
 from gearlib.uncertainty.observation import START_ERROR
@@ -149,7 +149,7 @@ class Fit:
         }
         coords = {"parameter": names, "other_parameter": names}
         title, unknown = "Parameters of a gear mesh by a fit", list(self.unknown)
-        return result(title, self.model, data, coords, method="least squares", unknown=unknown)
+        return make_result(title, self.model, data, coords, method="least squares", unknown=unknown)
 
 
 class Problem(NamedTuple):
@@ -407,7 +407,7 @@ def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, 
                 return None
             return problem.residuals(_with_value(optimum.x, i, value))
 
-        derivative, error = richardson(residuals, best_value, _MAX_OPTIMUM_STEP)
+        derivative, error = richardson_derivative(residuals, best_value, _MAX_OPTIMUM_STEP)
         if np.isfinite(derivative).all():  # else the Jacobian of scipy is kept
             jacobian[:, i], errors[:, i] = derivative, error
     return jacobian, errors

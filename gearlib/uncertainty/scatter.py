@@ -26,8 +26,8 @@ from scipy.stats import bootstrap, qmc
 from gearlib import checks
 from gearlib.data.files import canonical_json
 from gearlib.data.motions import largest_force
-from gearlib.data.result import result
-from gearlib.data.variables import describe
+from gearlib.data.result import make_result
+from gearlib.data.variables import add_metadata
 from gearlib.parameters import INTEGER, Count, Limits, Speed, Unit, Values, WholeNumber, checked
 from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import (
@@ -198,7 +198,7 @@ def shard(
         if speed is not None:
             attributes["speed"] = speed
     title = "Scatter of a gear mesh by its tolerances"
-    dataset = result(title, designs.nominal, variables, coords, method="scatter", **attributes)
+    dataset = make_result(title, designs.nominal, variables, coords, method="scatter", **attributes)
     return limit.record_missing(dataset, sample=done)
 
 
@@ -385,7 +385,7 @@ def join_shards(shards: Any) -> xr.Dataset:
     attributes["refused"] = canonical_json(count_error_messages(data.refusal.values))
     # Shards read from files have encodings, which must not reach the result.
     data = data.drop_encoding().drop_attrs(deep=False)
-    return describe(data).assign_attrs(attributes | source_hash)
+    return add_metadata(data).assign_attrs(attributes | source_hash)
 
 
 def _with_statistics(data: xr.Dataset) -> xr.Dataset:
@@ -547,7 +547,9 @@ def sobol_indices(
     coords = {"quantity": [*quantities], "parameter": [*designs.names], "bound": ["low", "high"]}
     attributes = {"tolerances": tolerances, "samples": n, "seed": seed, "confidence": confidence}
     title = "Sobol' indices of a gear mesh by its tolerances"
-    dataset = result(title, designs.nominal, data, coords, method="Saltelli 2010", **attributes)
+    dataset = make_result(
+        title, designs.nominal, data, coords, method="Saltelli 2010", **attributes
+    )
     return limit.record_missing(dataset, list(range(tables.shape[2], n)))
 
 

@@ -120,7 +120,7 @@ def read(name):
         # Variables without a common description are described by their study.
         with suppress(KeyError):
             alone = xr.Dataset({name: dataset[name].variable})
-            dataset[name].attrs |= variables.describe(alone)[name].attrs
+            dataset[name].attrs |= variables.add_metadata(alone)[name].attrs
     return dataset
 
 

@@ -56,7 +56,7 @@ def _write_results(results):
             name.replace("evaluations", "time"): (1e-6 + 1e-7 * errors[name]).drop_attrs()
             for name in evaluations
         }
-        times = variables.describe(errors.assign(times | {"closed_form_time": 1e-6}))
+        times = variables.add_metadata(errors.assign(times | {"closed_form_time": 1e-6}))
         data.write(times, path.with_name(path.name.replace("errors", "times")))
     (results / "figures").mkdir()
 

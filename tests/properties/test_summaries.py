@@ -47,7 +47,7 @@ def shares_of_low_stiffness(model, stiffness, contact, periods):
 def variables_of_events(run, contact, span):
     """Return the summary variables of a mesh that follow from its events, as a dict.
 
-    `contact` is the contact code of the first sample, `span` the length of the record in phase.
+    `contact` is the contact state of the first sample, `span` the length of the record in phase.
     """
     before, after = run.event_from.values, run.event_to.values
     # A step across an event may put the first sample on the other side of the event.
@@ -139,7 +139,7 @@ def test_summary_follows_from_samples_and_events(name, method, options):
     bounds = bounds_of_summary(model, run, recorded, sample_error)
     # Datasets of models with one mesh lack some columns, which the summary table has.
     table = simulation.run(model, tuning, samples_per_period=1, **settings).summary
-    columns = summary.column_values(table, math.tau * recorded, recorded)
+    columns = summary.normalize_columns(table, math.tau * recorded, recorded)
     extra = model.extra_summary_variables((), table, math.tau * recorded)
     for variable in bounds.keys() | columns.keys() | extra.keys():
         (low, high), values = bounds[variable], np.ravel(run.get(variable, columns.get(variable)))

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from gearlib import sweep
-from gearlib.data.files import write_table
+from gearlib.data.files import write_csv
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.data.motions import describe_steadiness
 from gearlib.studies import certificates, claims, jump, paper, resonance, scenes, stability
@@ -24,36 +24,39 @@ DAMPINGS = {
     "both": {"material_damping": 3953.7, "backlash_damping": 3953.7},
     "none": {"material_damping": 0.0, "backlash_damping": 0.0},
 }
-RUN = {"periods": 120, "record_periods": 24}
-PLANES = [0.60, 0.66, 0.78, 0.80, 0.81, 0.82]
-IDS = [f"P{number}" for number in range(1, 14)]
-#: Arguments of `claims.evaluate` after the pair and its dampings.
-Data = namedtuple("Data", "resonance phase_planes phase_lag jump scenes")
+RUN_OPTIONS = {"periods": 120, "record_periods": 24}
+PHASE_PLANE_TUNINGS = [0.60, 0.66, 0.78, 0.80, 0.81, 0.82]
+CLAIM_IDS = [f"P{number}" for number in range(1, 14)]
+#: Arguments of `claims.evaluate_claims` after the pair and its dampings.
+ClaimData = namedtuple("ClaimData", "resonance phase_planes phase_lag jump scenes")
 
 
 def phase_lag(*dampings):
     """Return the phase lag at the tuning 0.72 for given material dampings, Ns/m."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
-    return paper.phase_lag(PAPER_PAIR, list(dampings), 0.72, [0.7], **options)
+    return paper.compute_phase_lag(PAPER_PAIR, list(dampings), 0.72, [0.7], **options)
 
 
 @pytest.fixture(scope="module")
 def data():
-    """Return the `Data` to which the claims of the paper refer, with runs from rest ("cold")."""
-    curves, runs, options = [], [], RUN | {"samples_per_period": 32}
+    """Return the `ClaimData` to which the claims of the paper refer, with runs from rest ("cold")."""
+    curves, runs, options = [], [], RUN_OPTIONS | {"samples_per_period": 32}
     for name, damping in DAMPINGS.items():
         pair = PAPER_PAIR.replace(**damping)
-        curve = sweep(pair, np.arange(0.5, 1.4001, 0.002), **RUN)
+        curve = sweep(pair, np.arange(0.5, 1.4001, 0.002), **RUN_OPTIONS)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
-        runs += [paper.phase_plane_run(pair, pair, nu, options, name) for nu in PLANES]
+        runs += [
+            paper.simulate_phase_portrait(pair, pair, nu, options, name)
+            for nu in PHASE_PLANE_TUNINGS
+        ]
     # The study searches the jump of motions from rest and its shift for a start at 0.1.
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
     pair = PAPER_PAIR.replace(**DAMPINGS["k1"])
-    jumps = jump.jump_and_shifts(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
+    jumps = jump.compute_jump_and_shifts(pair, np.linspace(0.81, 0.82, 11), settings, RUN_OPTIONS)
     scenes = {name: golden.read(f"scenes/{name}.nc") for name in CONFIG["scenes"]}
     tables = gather_resonance(curves), gather_phase_planes(runs)
-    return Data(*tables, phase_lag(4000.0, 40.0), jumps, scenes)
+    return ClaimData(*tables, phase_lag(4000.0, 40.0), jumps, scenes)
 
 
 def verdicts(table):
@@ -63,7 +66,7 @@ def verdicts(table):
 
 def test_verdicts_on_the_paper(data, tmp_path):
     """All claims of the paper hold but P11, and P10 holds at the resolution of its plots."""
-    table = claims.evaluate(PAPER_PAIR, DAMPINGS, *data)
+    table = claims.evaluate_claims(PAPER_PAIR, DAMPINGS, *data)
     # For P10 the oil-damped motion (k1m) at the tuning 0.80 has not settled, but its loops differ
     # by
     # less than the width of a line. For P11 the jump is at 0.8157, not between 0.8150 and 0.8151.
@@ -71,7 +74,7 @@ def test_verdicts_on_the_paper(data, tmp_path):
         "holds at the resolution of the plots; strictly, the motion with k1m at nu = 0.80 changes "
         "by 0.0003 of its height from orbit to orbit"
     )
-    assert verdicts(table) == dict.fromkeys(IDS, "holds") | {"P10": p10, "P11": "differs"}
+    assert verdicts(table) == dict.fromkeys(CLAIM_IDS, "holds") | {"P10": p10, "P11": "differs"}
     computed = {claim.id: claim.computed for claim in table}
     text = "0.66 (periods differ by 0.7 of the height, settles later on 2 mesh periods), 0.78 (per"
     assert text in computed["P10"]
@@ -81,10 +84,10 @@ def test_verdicts_on_the_paper(data, tmp_path):
     assert "at nu = 0.81569" in computed["P11"] and "no variation tried" in computed["P11"]
     # The configuration has two tunings, on either side of the jump.
     assert "-0.148 at nu = 0.8156, -1.977 at nu = 0.8157; the motion from rest" in computed["P11"]
-    assert [row["id"] for row in read_back(claims.rows(table), tmp_path)] == IDS
+    assert [row["id"] for row in read_back(claims.table_rows(table), tmp_path)] == CLAIM_IDS
     claims.write_markdown(table, tmp_path / "claims.md")
     _, _, _, _, *rows = (tmp_path / "claims.md").read_text(encoding="utf-8").splitlines()
-    assert [row.split()[1] for row in rows] == IDS
+    assert [row.split()[1] for row in rows] == CLAIM_IDS
 
 
 def test_steadiness_is_judged_strictly_and_at_plot_resolution(data):
@@ -96,7 +99,9 @@ def test_steadiness_is_judged_strictly_and_at_plot_resolution(data):
     planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = loops.ravel()
     drift = np.linspace([1.0], [1.1], 24) * wave
     planes.displacement.loc[{"damping": "k1m", "tuning": 0.8}] = drift.ravel()
-    table = verdicts(claims.evaluate(PAPER_PAIR, DAMPINGS, *data._replace(phase_planes=planes)))
+    table = verdicts(
+        claims.evaluate_claims(PAPER_PAIR, DAMPINGS, *data._replace(phase_planes=planes))
+    )
     verdict = "holds at the resolution of the plots; strictly, the motion with none at nu = 0.60"
     assert table["P9"] == f"{verdict} repeats after 3 periods"
     # The loops no longer look like a single line: the motion is unsteady by both criteria.
@@ -116,11 +121,11 @@ def test_verdicts_follow_the_data(data):
     curves.displacement_min.loc[{"damping": "k1", "tuning": slice(1.2, 1.3)}] = -1.0  # P6, P7
     planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = np.cos(planes.phase)  # P9
     lags = phase_lag(40.0, 41.0)  # P3
-    changed = Data(curves, planes, lags, data.jump, changed_scenes)
-    table = verdicts(claims.evaluate(PAPER_PAIR, DAMPINGS, *changed))
+    changed = ClaimData(curves, planes, lags, data.jump, changed_scenes)
+    table = verdicts(claims.evaluate_claims(PAPER_PAIR, DAMPINGS, *changed))
     assert [table[key] for key in ("P3", "P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 7
     assert table["P11"] == "holds"
-    table = verdicts(claims.evaluate(PAPER_PAIR.replace(contact_ratio=1.3), DAMPINGS, *data))
+    table = verdicts(claims.evaluate_claims(PAPER_PAIR.replace(contact_ratio=1.3), DAMPINGS, *data))
     assert table["P1"] == table["P2"] == "differs"
 
 
@@ -129,9 +134,9 @@ def test_missing_data_are_named_not_guessed(data):
     # Claims about gears alone, P1 and P2, need no data.
     curves = data.resonance.sel(damping=["k1"], tuning=slice(0.9, 0.95))
     planes = data.phase_planes.sel(damping=["k1"]).isel(tuning=[0]).assign_coords(tuning=[0.7])
-    missing = Data(curves, planes, data.phase_lag.isel(damping=[0]), data.jump, {})
-    table = claims.evaluate(PAPER_PAIR, {"k1": DAMPINGS["k1"]}, *missing)
-    expected = dict.fromkeys(IDS, "not evaluated") | {"P1": "holds", "P2": "holds"}
+    missing = ClaimData(curves, planes, data.phase_lag.isel(damping=[0]), data.jump, {})
+    table = claims.evaluate_claims(PAPER_PAIR, {"k1": DAMPINGS["k1"]}, *missing)
+    expected = dict.fromkeys(CLAIM_IDS, "not evaluated") | {"P1": "holds", "P2": "holds"}
     assert verdicts(table) == expected and all(claim.computed for claim in table)
 
 
@@ -139,9 +144,9 @@ def test_the_table_of_certificates_matches_the_documentation(tmp_path, monkeypat
     # Certificates of the reducer are left out because they take a minute.
     monkeypatch.setattr(certificates, "REDUCER_TUNINGS", ())
     pair, step = PAPER_PAIR.replace(**DAMPINGS["k1"]), {"step": 0.2, "max_height": 20.0}
-    branches = {"k1": resonance.branches_of(pair, 0.5, 1.4, max_points=2000, **step)}
-    proofs = certificates.certify_branches({"k1": pair}, branches, PLANES)
-    write_table(certificates.certificate_rows(proofs), tmp_path / "table.csv")
+    branches = {"k1": resonance.follow_branches(pair, 0.5, 1.4, max_points=2000, **step)}
+    proofs = certificates.certify_branches({"k1": pair}, branches, PHASE_PLANE_TUNINGS)
+    write_csv(certificates.certificate_rows(proofs), tmp_path / "table.csv")
     documented = Path("docs/claims/certificates.csv").read_text(encoding="utf-8").splitlines()
     expected = [line for line in documented if line.startswith(("damping,", "k1,"))]
     assert (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines() == expected
@@ -151,7 +156,7 @@ def test_the_table_of_models_omits_numbers_decided_by_rounding(tmp_path):
     """Numbers of chaotic motions are replaced by "differs" or "nan"."""
     names = ["fig7_damping", "fig8_six_degrees"]
     comparisons = [golden.read(f"models/{name}.nc") for name in names]
-    table = [[*row.values()] for row in read_back(scenes.rows(comparisons, names), tmp_path)]
+    table = [[*row.values()] for row in read_back(scenes.table_rows(comparisons, names), tmp_path)]
     assert table == [
         ["fig7_damping", "pair", "0.004844", "0.05", "10", "yes"],
         ["fig7_damping", "six_degrees_plain", "0.002237", "0.05", "65", "no"],
@@ -165,19 +170,19 @@ def test_the_table_of_models_omits_numbers_decided_by_rounding(tmp_path):
 
 
 def test_the_table_of_lost_contact_matches_the_documentation(tmp_path):
-    write_table(stability.rows(golden.read("tongues.nc")), tmp_path / "table.csv")
+    write_csv(stability.table_rows(golden.read("tongues.nc")), tmp_path / "table.csv")
     expected = Path("docs/claims/parametric_resonance.csv").read_text(encoding="utf-8")
     assert (tmp_path / "table.csv").read_text(encoding="utf-8") == expected
     # Contact is also lost by a forced response, here up to the end of the scan.
     run = {"periods": 120, "initial_state": [0.0, 0.0]}
-    losses = stability.contact_loss({"free": PAPER_PAIR}, 0.82, 0.6, 1.1, run)
-    (row,) = read_back(stability.rows(losses), tmp_path)
+    losses = stability.find_contact_loss_causes({"free": PAPER_PAIR}, 0.82, 0.6, 1.1, run)
+    (row,) = read_back(stability.table_rows(losses), tmp_path)
     assert (row["tuning"], row["cause"], row["lost"]) == ("0.82", "forced response", "yes")
     assert row["loss_from"] != "" == row["loss_to"]
 
 
 def motion(phases, *codes):
-    """Return a `Motion` with events at given phases and contact codes before and after each."""
+    """Return a `Motion` with events at given phases and contact states before and after each."""
     codes = np.array(codes, np.int8).reshape(-1, 2)
     return problems.Motion(np.zeros(2), np.array(phases, float), codes)
 
@@ -214,7 +219,7 @@ def test_the_table_names_the_fastest_method_of_the_library_and_of_other_packages
         error_and_time_datasets("heyoka", "heyoka", [3e-6, 3e-15], [4e-6, 7e-6]),
         error_and_time_datasets("scipy", "scipy RK45", [5e-2, 1e-7], [3e-6, 9e-6]),
     ]
-    table = read_back(fastest.rows(*zip(*pairs, strict=True)), tmp_path)
+    table = read_back(fastest.table_rows(*zip(*pairs, strict=True)), tmp_path)
     assert [(row["problem"], row["accuracy_in_static_deflections"]) for row in table] == [
         ("smooth", f"1e-{decade:02d}") for decade in range(1, 16)
     ]

@@ -5,7 +5,7 @@ import pytest
 
 from gearlib import GearPair, simulate, sweep, tunings
 from gearlib.data import status, storage
-from gearlib.data.files import remove_leftovers, replacing, write_table_page
+from gearlib.data.files import atomic_write, remove_temporary_files, write_html_table
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 
 TUNINGS = [0.6, 0.7, 0.8, 0.9]
@@ -80,17 +80,17 @@ def test_upward_runs_are_nan_at_tunings_reached_only_downwards():
 
 def test_a_failed_write_leaves_the_old_file_unchanged(tmp_path):
     path = tmp_path / "new folder/result.txt"
-    with replacing(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text("first")
         assert not path.exists() and temporary.suffix == path.suffix
-    with pytest.raises(RuntimeError), replacing(path) as temporary:
+    with pytest.raises(RuntimeError), atomic_write(path) as temporary:
         temporary.write_text("half")
         raise RuntimeError
     assert path.read_text() == "first" and list(path.parent.iterdir()) == [path]
     # Temporary files that a killed process left behind are removed.
     for name in (".123.result.nc", ".hidden"):
         (path.parent / name).touch()
-    remove_leftovers(path.parent)
+    remove_temporary_files(path.parent)
     assert {entry.name for entry in path.parent.iterdir()} == {".hidden", path.name}
 
 
@@ -98,7 +98,7 @@ def test_a_failed_write_leaves_the_old_file_unchanged(tmp_path):
 def test_a_printed_table_matches_its_csv_file(tmp_path, cell):
     source, path = tmp_path / "some_table.csv", tmp_path / "some_table.html"
     source.write_text(f'first_column,second\n"{cell}",2\n', encoding="utf-8")
-    write_table_page(source, path)
+    write_html_table(source, path)
     text = path.read_text(encoding="utf-8")
     escaped = cell.replace("&", "&amp;").replace("<", "&lt;")
     assert f"<td>{escaped}</td><td>2</td>" in text and "<th>first column</th>" in text

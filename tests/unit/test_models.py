@@ -9,7 +9,7 @@ import pytest
 
 import gearlib
 from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair, Tabulated, simulate, sweep
-from gearlib.data.motions import describe, mask_unbounded
+from gearlib.data.motions import describe_motion, mask_unbounded
 from gearlib.models.model import Model
 from gearlib.models.profiles import Steps
 from tests.paper import PAPER_PAIR
@@ -164,11 +164,11 @@ def test_stiffness_tables_are_read_and_continued_periodically(tmp_path):
     with pytest.raises(ValueError, match="^path = .* CSV"):
         Tabulated.read(tmp_path / "none.csv")
     # The last step, of stiffness 2, lasts until the first one begins in the next period.
-    pieces = Steps(phase=(1.0, 3.0), stiffness=(5.0, 2.0)).pieces()
-    np.testing.assert_array_equal(pieces.breaks, [0.0, 1.0, 3.0, 2.0 * math.pi])
-    np.testing.assert_array_equal(pieces.lines, [[2.0, 0.0], [5.0, 0.0], [2.0, 0.0]])
+    pieces = Steps(phase=(1.0, 3.0), stiffness=(5.0, 2.0)).piecewise_stiffness()
+    np.testing.assert_array_equal(pieces.breakpoints, [0.0, 1.0, 3.0, 2.0 * math.pi])
+    np.testing.assert_array_equal(pieces.values_and_slopes, [[2.0, 0.0], [5.0, 0.0], [2.0, 0.0]])
     # Pieces below the mean stiffness count as low.
-    np.testing.assert_array_equal(pieces.low, [True, False, True])
+    np.testing.assert_array_equal(pieces.is_below_mean, [True, False, True])
 
 
 def test_harmonics_of_a_tabulated_profile_are_recovered():
@@ -225,7 +225,7 @@ STEEP = PAPER_PAIR.replace(stiffness_ratio=0.2)
 def test_a_summary_describes_a_motion_in_words(period, inverse, bounces, words):
     run = simulate(PAPER_PAIR, 0.7, periods=2)
     run = run.assign(period=period, fraction_coast=inverse, bounces=bounces)
-    assert describe(run) == f"The motion from rest {words}."
+    assert describe_motion(run) == f"The motion from rest {words}."
 
 
 @pytest.mark.parametrize("model", [STEEP, pairs_as_train(STEEP)])

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from gearlib.data import storage
-from gearlib.data.files import write_table, write_table_page
-from gearlib.models.from_values import with_models
+from gearlib.data.files import write_csv, write_html_table
+from gearlib.models.from_values import build_models
 from gearlib.studies import certificates
 from job import redirect_output
 
@@ -15,10 +15,10 @@ if __name__ == "__main__":
     if params.flint:
         branches = {Path(path).stem: storage.read(path) for path in snakemake.input.branches}
         proofs = certificates.certify_branches(
-            with_models(params.pairs), branches, params.tunings, params.all_points
+            build_models(params.pairs), branches, params.tunings, params.all_points
         )
     else:
         print("python-flint is not installed: nothing is proven")
     certificates.write_json(proofs, snakemake.output.json)
-    write_table(certificates.certificate_rows(proofs), snakemake.output.csv)
-    write_table_page(snakemake.output.csv, snakemake.output.page, params.gears)
+    write_csv(certificates.certificate_rows(proofs), snakemake.output.csv)
+    write_html_table(snakemake.output.csv, snakemake.output.page, params.gears)

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gearlib.data.files import write_table, write_table_page
-from gearlib.models.from_values import model
+from gearlib.data.files import write_csv, write_html_table
+from gearlib.models.from_values import build_model
 from gearlib.studies import claims
 from job import datasets, redirect_output
 
@@ -12,8 +12,8 @@ if __name__ == "__main__":
     data = datasets(snakemake.input)
     names = [Path(path).stem for path in snakemake.input.scenes]
     data["scenes"] = dict(zip(names, data["scenes"], strict=True))
-    pair = model(snakemake.params.pair)
-    table = claims.evaluate(pair, snakemake.params.dampings, **data)
-    write_table(claims.rows(table), snakemake.output.csv)
+    pair = build_model(snakemake.params.pair)
+    table = claims.evaluate_claims(pair, snakemake.params.dampings, **data)
+    write_csv(claims.table_rows(table), snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)
-    write_table_page(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)
+    write_html_table(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)

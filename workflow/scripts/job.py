@@ -8,7 +8,7 @@ from pathlib import Path
 
 import __main__
 from gearlib.data import storage
-from gearlib.data.files import declare_sources
+from gearlib.data.files import set_source_files
 
 
 def datasets(files):
@@ -34,7 +34,7 @@ def redirect_output(path):
 
     Also declare the source files of the job, whose hash is stored in netCDF files.
     """
-    declare_sources(source_files(__main__.snakemake.input.sources))
+    set_source_files(source_files(__main__.snakemake.input.sources))
     sys.stdout.flush()
     sys.stderr.flush()
     terminal = os.dup(2)

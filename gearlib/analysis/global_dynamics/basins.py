@@ -18,8 +18,8 @@ from gearlib.analysis.global_dynamics.stroboscope import (
     check_grid,
     grid_states,
 )
-from gearlib.data.result import result, stacked
-from gearlib.data.status import flags_of
+from gearlib.data.result import evaluate_on_grid, make_result
+from gearlib.data.status import flag_attributes
 from gearlib.parameters import INTEGER, Boolean, Count, Limits, Values, WholeNumber, checked
 from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Threads, Tuning, check_tuning
@@ -27,7 +27,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Threads, Tuning, 
 #: Attributes of `Attractor` that are dataset variables of the same name.
 _ATTRACTOR_VARIABLES = ("displacement_max", "displacement_min", "exponent", "uncertainty")
 #: CF flag attributes of the variable attractor_kind.
-KIND_FLAGS = flags_of(KINDS)
+KIND_FLAGS = flag_attributes(KINDS)
 #: Attractors at neighbouring tunings belong to a family if their extrema differ by less than this,
 #: relative to the displacement range or one static deflection, whichever is larger.
 _FAMILY_TOLERANCE = 0.25
@@ -127,7 +127,7 @@ def basins(
     }
     dataset = xr.Dataset(data, {"displacement": x, "velocity": v})
     index_dims = ("attractor", "point", "coordinate", "multiplier")
-    dataset = result(
+    dataset = make_result(
         "Basins of attraction of a gear mesh",
         model,
         dataset.assign_coords({dim: np.arange(dataset.sizes[dim]) for dim in index_dims}),
@@ -176,7 +176,7 @@ def _attractor_variables(attractors: list[Attractor]) -> dict:
             "trap_radius": attractor.ellipses.radii.min() if attractor.ellipses else math.nan,
         }
 
-    return stacked({"attractor": attractors}, scalar_variables) | {
+    return evaluate_on_grid({"attractor": attractors}, scalar_variables) | {
         "state": (("attractor", "point", "coordinate"), states),
         "multiplier_real": (("attractor", "multiplier"), real),
         "multiplier_imaginary": (("attractor", "multiplier"), imaginary),
@@ -258,7 +258,7 @@ def basin_stability(
         attractors_and_shares.append((attractors, shares))
     count_done = len(attractors_and_shares)
     data, coords = _family_variables(values[:count_done], attractors_and_shares, state_count)
-    dataset = result(
+    dataset = make_result(
         "Basin stability of a gear mesh",
         model,
         data,

@@ -10,8 +10,8 @@ from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import check_distinct_values, check_one_mesh
 from gearlib.analysis.orbits.tracing import DimensionlessParameter, parameter_cases
 from gearlib.data import status
-from gearlib.data.motions import float_array
-from gearlib.data.result import result
+from gearlib.data.motions import as_float_array
+from gearlib.data.result import make_result
 from gearlib.engines import orbit
 from gearlib.integrators import choose_method
 from gearlib.parameters import Count, State, Unit, WholeNumber, checked
@@ -72,7 +72,7 @@ def poincare_section(
     ValueError
         If an argument is invalid; the message states its value and what is allowed.
     """
-    initial_states = np.atleast_2d(float_array(states))
+    initial_states = np.atleast_2d(as_float_array(states))
     has_shape = initial_states.ndim == 2 and initial_states.shape[1] == 2 and len(initial_states)
     if not has_shape or not np.isfinite(initial_states).all():
         raise checks.InputError(
@@ -115,7 +115,7 @@ def poincare_section(
     }
     attributes = {"tuning": tuning, "phase": phase, "periods": periods, "settle": settle}
     title = "Poincare section of a gear mesh"
-    dataset = result(title, model, data, coords, method=method, **attributes)
+    dataset = make_result(title, model, data, coords, method=method, **attributes)
     return time_limit.record_missing(dataset, list(range(len(status_codes), len(initial_states))))
 
 
@@ -231,7 +231,7 @@ def bifurcation_diagram(
     }
     attributes |= {"strobes": strobes, "phase": phase, "initial_state": initial_state}
     title = "Bifurcation diagram of a gear mesh"
-    dataset = result(title, model, data, coords, method=method, **attributes)
+    dataset = make_result(title, model, data, coords, method=method, **attributes)
     return time_limit.record_missing(dataset, **{parameter: table[:, 1] >= 0})
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from gearlib import checks, parameters
 from gearlib.analysis.orbits.shooting import compose
 from gearlib.data import status
-from gearlib.data.motions import float_array
+from gearlib.data.motions import as_float_array
 from gearlib.integrators import choose_method
 from gearlib.parameters import Count, Finite
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -33,10 +33,10 @@ class Stroboscope:
     """Map of many states over whole cycles of the excitation of a model."""
 
     def __init__(self, model, tuning: float, *, max_events=MAX_EVENTS, threads=None):
-        """Create the map of a `gearlib` model at a tuning, mesh frequency over natural frequency.
+        """Create the map of a `gearlib` model at a tuning (mesh frequency / natural frequency).
 
         A run stops if a mesh period has more than `max_events` contact events. `threads` is the
-        number of threads, by default one for each processor.
+        number of threads, by default one per processor.
         """
         # Raises ValueError unless a method supports the model.
         choose_method(model, name=None, options=None)
@@ -50,7 +50,7 @@ class Stroboscope:
         #: Factors by which velocities become comparable with displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduction) // 2)
 
-    def start(self, states: np.ndarray) -> np.ndarray:
+    def full_states(self, states: np.ndarray) -> np.ndarray:
         """Complete initial displacements and velocities to full states with all coordinates.
 
         `states` has the shape (k, 2) and the result (k, n). Both agree for a model with one degree
@@ -58,25 +58,27 @@ class Stroboscope:
         """
         return np.array([self.propagator.initial_state(state) for state in states])
 
-    def scaled(self, states: np.ndarray) -> np.ndarray:
+    def reduce_and_scale(self, states: np.ndarray) -> np.ndarray:
         """Return states without rigid-body rotation, with velocities in units of displacements.
 
         `states`, shape (..., n), have all coordinates and velocities by mesh phase. Velocities are
-        multiplied by the tuning (mesh frequency over natural frequency), which makes them
+        multiplied by the tuning (mesh frequency / natural frequency), which makes them
         comparable with displacements.
         """
         return states @ self._reduction.T * self.weights
 
-    def size(self, states: np.ndarray) -> np.ndarray:
+    def state_sizes(self, states: np.ndarray) -> np.ndarray:
         """Return the size of each state, the largest of its scaled components, shape (k,).
 
-        `states`, shape (k, n), have all coordinates; `scaled` makes velocities comparable with
-        displacements. The size is infinite for NaN, the state of a failed run.
+        `states`, shape (k, n), have all coordinates; `reduce_and_scale` makes velocities comparable
+        with displacements. The size is infinite for NaN, the state of a failed run.
         """
-        largest = np.abs(self.scaled(states)).max(axis=-1)
+        largest = np.abs(self.reduce_and_scale(states)).max(axis=-1)
         return np.where(np.isnan(largest), np.inf, largest)
 
-    def follow_growth(self, states, previous_sizes, bounds: np.ndarray, periods: int) -> tuple:
+    def propagate_growing_motions(
+        self, states, previous_sizes, bounds: np.ndarray, periods: int
+    ) -> tuple:
         """Propagate large growing motions until they stop growing or exceed a bound.
 
         `states`, shape (k, n), have all coordinates and velocities. `previous_sizes` are the
@@ -85,27 +87,28 @@ class Stroboscope:
         checked every `periods` mesh periods, rounded up to whole cycles of the excitation. Small
         motions are not propagated. Return (mask of the states above their bounds, final states).
         """
-        states, sizes = states.copy(), self.size(states)
+        states, sizes = states.copy(), self.state_sizes(states)
         is_growing = sizes > _MIN_RELATIVE_SIZE * self.model.extent
         is_growing &= sizes > _MIN_GROWTH * previous_sizes
         cycles = -(-periods // self.mesh_periods_per_cycle)  # rounded up
         while (mask := is_growing & (sizes <= bounds)).any():
-            ends, codes = self(states[mask], cycles)
-            has_failed = ~np.isin(codes, (status.OK, status.OVERFLOW))
+            final_states, status_codes = self(states[mask], cycles)
+            has_failed = ~np.isin(status_codes, (status.OK, status.OVERFLOW))
             # A run that failed for another reason does not count as growth.
-            new_sizes = np.where(has_failed, 0.0, self.size(ends))
+            new_sizes = np.where(has_failed, 0.0, self.state_sizes(final_states))
             has_grown = new_sizes > _MIN_GROWTH * sizes[mask]
             is_growing[mask] = has_grown
-            states[mask] = np.where(has_grown[:, None], ends, states[mask])
+            states[mask] = np.where(has_grown[:, None], final_states, states[mask])
             sizes[mask] = new_sizes
         return sizes > bounds, states
 
-    def cycle_maps(self, state: np.ndarray, cycles: int) -> np.ndarray:
+    def cycle_jacobians(self, state: np.ndarray, cycles: int) -> np.ndarray:
         """Return the Jacobian matrices of the map over each of the next cycles from a state.
 
         `state` has all coordinates and velocities; a cycle is the period of the excitation. The
         matrices, shape (cycles, n, n), refer to states without rigid-body rotation, with velocities
-        multiplied by the tuning, as `scaled` returns them. Raise RuntimeError if the run fails.
+        multiplied by the tuning, as `reduce_and_scale` returns them. Raise RuntimeError if the run
+        fails.
         """
         periods = cycles * self.mesh_periods_per_cycle
         _, period_maps, code = self.propagator.maps(state, periods, self.max_events)
@@ -123,23 +126,23 @@ class Stroboscope:
         Return (final states, status codes of `gearlib.data.status`, 0 if a run succeeds); the final
         state of a failed run is NaN.
         """
-        ends = np.full(states.shape, np.nan)
-        codes = np.zeros(len(states), np.int64)
+        final_states = np.full(states.shape, np.nan)
+        status_codes = np.zeros(len(states), np.int64)
         periods = cycles * self.mesh_periods_per_cycle
         chunk_size = max(1, min(self.propagator.chunk_size, -(-len(states) // self.threads)))
         chunks = [slice(i, i + chunk_size) for i in range(0, len(states), chunk_size)]
 
         def propagate(chunk: slice) -> None:
-            """Fill `ends` and `codes` with the final states and status codes of a chunk."""
-            ends[chunk], codes[chunk] = self.propagator.propagate_many(
+            """Fill `final_states` and `status_codes` with the final states and status codes of a chunk."""
+            final_states[chunk], status_codes[chunk] = self.propagator.propagate_many(
                 states[chunk], periods, self.max_events
             )
 
         # The kernels release the interpreter lock, and each chunk fills different rows.
         with ThreadPoolExecutor(self.threads) as pool:
             list(pool.map(propagate, chunks))
-        ends[codes != status.OK] = np.nan
-        return ends, codes
+        final_states[status_codes != status.OK] = np.nan
+        return final_states, status_codes
 
 
 def check_one_mesh(model: Any) -> None:
@@ -151,7 +154,7 @@ def check_one_mesh(model: Any) -> None:
     checks.require(not model.mesh_names, "model", type(model).__name__, allowed)
 
 
-def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
+def check_grid(grid: Any) -> tuple[np.ndarray, ...]:
     """Check a grid of initial states and return its (displacements, velocities) as arrays.
 
     `grid` is a pair of axes, each a tuple (first, last, count) or an array of values. Raise
@@ -169,7 +172,7 @@ def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
         if _is_range(axis):
             counts.append(parameters.check(f"count of the {name}", axis[2], Count))
         else:
-            counts.append(float_array(axis).size)
+            counts.append(as_float_array(axis).size)
     # The number of states is checked before arrays are allocated.
     state_count = math.prod(counts)
     if state_count > MAX_STATES:
@@ -194,7 +197,7 @@ def _axis_values(name: str, axis: Any) -> np.ndarray:
     numbers. `name` is its name in error messages. Raise ValueError if the axis is invalid.
     """
     if not _is_range(axis):
-        return distinct_values(name, axis)
+        return check_distinct_values(name, axis)
     first = parameters.check(f"first of the {name}", axis[0], Finite)
     last = parameters.check(f"last of the {name}", axis[1], Finite)
     if last < first or (last == first) != (axis[2] == 1):
@@ -205,12 +208,12 @@ def _axis_values(name: str, axis: Any) -> np.ndarray:
     return np.linspace(first, last, axis[2])
 
 
-def distinct_values(name: str, values: Any) -> np.ndarray:
+def check_distinct_values(name: str, values: Any) -> np.ndarray:
     """Check that a sequence holds distinct finite numbers, and return it as an array, shape (n,).
 
     Raise ValueError otherwise; `name` is the name of the sequence in the message.
     """
-    array = np.atleast_1d(float_array(values))
+    array = np.atleast_1d(as_float_array(values))
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
         raise checks.InputError(name, values, "a non-empty sequence of finite numbers")
     if np.unique(array).size < array.size:

@@ -21,7 +21,7 @@ from gearlib.analysis.harmonics.equation import (
 )
 from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.data.motions import float_array
+from gearlib.data.motions import as_float_array
 from gearlib.models.model import is_model
 from gearlib.parameters import Count, checked
 from gearlib.runs.run_arguments import Tuning
@@ -51,7 +51,7 @@ def harmonic_balance(
     ----------
     model : GearPair or OneDegreePair
     tuning : float
-        Mesh frequency over mean eigenfrequency, nu.
+        Ratio of mesh frequency to mean eigenfrequency, nu.
     harmonics : int, default 64
         Highest harmonic, in units of 1 / period. With rectangular mesh stiffness x'' jumps:
         coefficients decay with the third power of the harmonic, the error of x with the second
@@ -77,12 +77,12 @@ def harmonic_balance(
     gearlib.analysis.orbits.shooting.NoOrbit
         If Newton's method does not converge; the message says what to try.
     """
-    equation = check_problem(model, tuning, harmonics, samples, period)
-    coefficients = first_coefficients(equation, guess)
+    equation = create_equation(model, tuning, harmonics, samples, period)
+    coefficients = initial_coefficients(equation, guess)
     steps, evaluations = 0, 0
-    for solved_equation, tolerance in equation_sequence(equation, guess, _MAX_RESIDUAL):
-        start = resize_harmonics(coefficients, solved_equation)
-        solution = _newton(solved_equation, start, tolerance)
+    for current_equation, tolerance in continuation_sequence(equation, guess, _MAX_RESIDUAL):
+        start = resize_harmonics(coefficients, current_equation)
+        solution = _newton(current_equation, start, tolerance)
         coefficients, residual, new_steps, new_evaluations = solution
         steps, evaluations = steps + new_steps, evaluations + new_evaluations
     if not residual <= _max_residual(equation, coefficients, _MAX_RESIDUAL):
@@ -151,10 +151,10 @@ def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: f
     return tolerance * max(1.0, inertia)
 
 
-def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquation:
+def create_equation(model: Any, tuning, harmonics, samples, period) -> MeshEquation:
     """Check the arguments of `harmonic_balance` and return their `MeshEquation`.
 
-    `tuning` is the mesh frequency over the natural frequency, `harmonics` the highest harmonic,
+    `tuning` is the ratio of mesh frequency to natural frequency, `harmonics` the highest harmonic,
     `samples` the number of grid points over the period, or None for a default, and `period` the
     number of mesh periods after which the motion repeats. Raise ValueError if the model has several
     degrees of freedom, or if `harmonics` or `samples` is too small.
@@ -170,7 +170,7 @@ def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquatio
     return MeshEquation(model, tuning, harmonics, samples, period)
 
 
-def equation_sequence(equation: MeshEquation, guess: Any, tolerance: float) -> list:
+def continuation_sequence(equation: MeshEquation, guess: Any, tolerance: float) -> list:
     """Return the mesh equations to be solved in turn, as a list of (equation, tolerance).
 
     The solution of each is the initial guess for the next one. The given `equation` and `tolerance`
@@ -188,7 +188,7 @@ def equation_sequence(equation: MeshEquation, guess: Any, tolerance: float) -> l
     return [*sequence, (equation, tolerance)]
 
 
-def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
+def initial_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
     """Return the complex harmonics of the initial guess of an equation, shape (harmonics + 1,).
 
     The guess is a `PeriodicSolution` of the same period, an array of displacements at equal steps
@@ -204,7 +204,7 @@ def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
                 f"{equation.period}"
             )
         return resize_harmonics(guess.coefficients, equation)
-    values = float_array(guess)
+    values = as_float_array(guess)
     allowed = "a PeriodicSolution or at least 3 finite displacements over the period"
     is_valid = values.ndim == 1 and values.size >= 3 and np.isfinite(values).all()
     checks.require(is_valid, "guess", guess, allowed)

@@ -21,8 +21,8 @@ from scipy.sparse.linalg import ArpackNoConvergence, eigs
 
 from gearlib.analysis.harmonics.equation import MeshEquation, default_samples
 from gearlib.analysis.orbits.shooting import periodic_orbit
-from gearlib.data.result import result
-from gearlib.engines.pair.motion import contact_of
+from gearlib.data.result import make_result
+from gearlib.engines.pair.motion import pair_contact_state
 from gearlib.runs.simulation import simulate
 
 #: Number of Newton steps that refine a flank crossing.
@@ -46,7 +46,7 @@ class PeriodicSolution:
     """Periodic motion x = X_0 + 2 Re sum_k X_k exp(i k tau / period)."""
 
     model: Any
-    tuning: float  #: mesh frequency over mean eigenfrequency
+    tuning: float  #: mesh frequency / mean eigenfrequency
     period: int  #: mesh periods
     method: str  #: "harmonic balance" or "schmidt"
     coefficients: np.ndarray  #: X_0 ... X_harmonics, complex, static deflections
@@ -109,7 +109,7 @@ class PeriodicSolution:
         """Find the phases at which contact of the flanks begins or ends.
 
         These are crossings of the flank lines, the displacements 0 and minus the backlash, at which
-        the flanks touch. Return (sorted mesh phases in rad, shape (m,), contact codes before and
+        the flanks touch. Return (sorted mesh phases in rad, shape (m,), contact states before and
         after each crossing, shape (m, 2)); the codes are 1 for the drive side, 0 for no contact and
         -1 for the coast side. Crossings are bracketed on a grid and refined by Newton's method; two
         crossings within the same grid cell are not detected.
@@ -117,20 +117,20 @@ class PeriodicSolution:
         x, _ = self.time_history(-(-default_samples(self.harmonics) // self.period))
         length = 2.0 * np.pi * self.period
         crossings = []
-        # Displacement of each flank line, and contact codes of a downward crossing.
-        flank_lines = ((0.0, (1, 0)), (-self.model.backlash_ratio, (0, -1)))
-        for line, downward_codes in flank_lines:
+        # Displacement of each flank, and contact states of a downward crossing.
+        flank_positions = ((0.0, (1, 0)), (-self.model.backlash_ratio, (0, -1)))
+        for flank_position, downward_codes in flank_positions:
             # With infinite backlash there is no coast-side contact.
-            if not np.isfinite(line):
+            if not np.isfinite(flank_position):
                 continue
-            is_above = x >= line
+            is_above = x >= flank_position
             for i in np.flatnonzero(is_above != np.roll(is_above, -1)):
-                before, after = x[i] - line, x[(i + 1) % x.size] - line
+                before, after = x[i] - flank_position, x[(i + 1) % x.size] - flank_position
                 # Linear interpolation between the grid points is the first approximation.
                 phase = (i + before / (before - after)) * length / x.size
                 for _ in range(_CROSSING_STEPS):
                     displacement, velocity = self.at(phase)
-                    phase -= (displacement - line) / velocity if velocity else 0.0
+                    phase -= (displacement - flank_position) / velocity if velocity else 0.0
                 codes = downward_codes if is_above[i] else downward_codes[::-1]
                 crossings.append((float(phase) % length, codes))
         crossings.sort()
@@ -145,7 +145,8 @@ class PeriodicSolution:
         """
         x, v = self.time_history(samples_per_period)
         contact = [
-            contact_of(self.model.backlash_ratio, *state) for state in zip(x, v, strict=True)
+            pair_contact_state(self.model.backlash_ratio, *state)
+            for state in zip(x, v, strict=True)
         ]
         displacement_coefficients, _ = self._one_sided_coefficients()
         data = {
@@ -165,10 +166,10 @@ class PeriodicSolution:
             **self._method_variables(),
         }
         if orbit is not None:
-            differences = errors(self, orbit)
+            differences = compare_with_orbit(self, orbit)
             data |= {f"{name}_error": value for name, value in differences._asdict().items()}
         phase = np.arange(x.size) * (2.0 * np.pi / samples_per_period)
-        return result(
+        return make_result(
             "Periodic motion of a gear mesh and its harmonics",
             self.model,
             data,
@@ -184,7 +185,7 @@ class PeriodicSolution:
         return {}
 
 
-class Errors(NamedTuple):
+class SolutionErrors(NamedTuple):
     """Largest differences between a periodic solution and the exact orbit."""
 
     displacement: float  #: over the period, static deflections
@@ -194,7 +195,7 @@ class Errors(NamedTuple):
     multiplier: float  #: difference of the largest |Floquet multiplier|
 
 
-def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
+def compare_with_orbit(solution: PeriodicSolution, orbit: Any = None) -> SolutionErrors:
     """Return the largest differences of a `PeriodicSolution` from an exact periodic `orbit`.
 
     They are those of displacement, velocity, initial state, phases of contact events, and Floquet
@@ -206,7 +207,7 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
         )
     phases_per_period = _PHASES_PER_HARMONIC * solution.harmonics // solution.period
     samples_per_period = max(_MIN_PHASES, phases_per_period)
-    exact_x, exact_v, exact_phases, exact_codes = exact_motion(orbit, samples_per_period)
+    exact_x, exact_v, exact_phases, exact_codes = simulate_orbit(orbit, samples_per_period)
     x, v = solution.time_history(samples_per_period)
     phases, codes = solution.crossings()
     # Phases can only be compared if the same events occur in the same order.
@@ -214,7 +215,7 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
     if phases.size and np.array_equal(codes, exact_codes):
         event_error = float(np.abs(phases - exact_phases).max())
     exact_multiplier = np.abs(orbit.multipliers).max()
-    return Errors(
+    return SolutionErrors(
         float(np.abs(x - exact_x).max()),
         float(np.abs(v - exact_v).max()),
         float(np.abs(solution.state - orbit.state).max()),
@@ -223,12 +224,12 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
     )
 
 
-def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
-    """Return (displacement, dx/dtau, phases of contact events, contact codes) of an exact `Orbit`.
+def simulate_orbit(orbit: Any, samples_per_period: int) -> tuple:
+    """Return (displacement, dx/dtau, phases of contact events, contact states) of an exact `Orbit`.
 
     `orbit` is a result of shooting, with its initial state. Displacements and velocities cover its
     period with `samples_per_period` points in each mesh period; phases are mesh phases tau in rad.
-    The contact codes (1 drive side, 0 none, -1 coast side) before and after each event have the
+    The contact states (1 drive side, 0 none, -1 coast side) before and after each event have the
     shape (events, 2).
     """
     run = simulate(
@@ -251,8 +252,8 @@ def hill_multipliers(equation: MeshEquation, coefficients: np.ndarray) -> np.nda
     periodic a, h and b. With y = exp(l phase) times a Fourier series this is an eigenvalue problem
     for the exponents l; the multipliers are exp(l times the period).
     """
-    highest = min(equation.harmonics, _MAX_PERTURBATION_HARMONICS)
-    k = np.arange(-highest, highest + 1)
+    max_harmonic = min(equation.harmonics, _MAX_PERTURBATION_HARMONICS)
+    k = np.arange(-max_harmonic, max_harmonic + 1)
     # Matrices by which the harmonics -K ... K of y become the harmonics of a y, h y and b y.
     functions = equation.variational_coefficients(coefficients)
     a, h, b = (np.fft.fft(values, norm="forward")[k[:, None] - k] for values in functions)
@@ -276,8 +277,8 @@ def hill_multipliers(equation: MeshEquation, coefficients: np.ndarray) -> np.nda
     asymmetry = np.abs(k @ power) / power.sum(axis=0)
     length = 2.0 * np.pi * equation.period
     candidates = np.exp(length * exponents[np.argsort(asymmetry, kind="stable")])
-    best, others = candidates[0], candidates[1:]
+    best, other_multipliers = candidates[0], candidates[1:]
     liouville_product = np.exp(-length * mean_damping)
-    differences = np.abs(best * others - liouville_product)
-    multipliers = np.array([best, others[int(np.argmin(differences))]])
+    differences = np.abs(best * other_multipliers - liouville_product)
+    multipliers = np.array([best, other_multipliers[int(np.argmin(differences))]])
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]

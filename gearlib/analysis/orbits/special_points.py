@@ -27,7 +27,7 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import brentq
 
-from gearlib.analysis.orbits.shooting import Evaluation, Shooting, contact_codes_without_events
+from gearlib.analysis.orbits.shooting import Evaluation, Shooting, contact_states_without_events
 from gearlib.analysis.orbits.tracing import continuation_parameters, correct_to_curve, unit_tangent
 from gearlib.data.result import make_result
 from gearlib.engines import orbit as columns
@@ -130,15 +130,15 @@ def _contact_sequence(events: np.ndarray, summary: np.ndarray, flank_lines: tupl
     if not len(events):
         # The contact state never changes, so the mean displacement determines it.
         mean = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
-        contact_codes = contact_codes_without_events(mean, mean, *flank_lines)
-        return "".join(_CONTACT_LETTERS[code] for code in contact_codes)
+        contact_states = contact_states_without_events(mean, mean, *flank_lines)
+        return "".join(_CONTACT_LETTERS[state] for state in contact_states)
     # Events of several meshes have an additional last column, the index of the mesh.
-    contact_codes, mesh_column = events[:, columns.EVENT_TO], columns.EVENT_COLUMNS
+    contact_states, mesh_column = events[:, columns.EVENT_TO], columns.EVENT_COLUMNS
     has_several_meshes = events.shape[1] > mesh_column
-    if not has_several_meshes and events[0, columns.EVENT_FROM] != contact_codes[-1]:
+    if not has_several_meshes and events[0, columns.EVENT_FROM] != contact_states[-1]:
         # The orbit starts on a flank line within rounding errors, so its first event is missing.
-        contact_codes = np.append(contact_codes, events[0, columns.EVENT_FROM])
-    letters = [_CONTACT_LETTERS[int(code)] for code in contact_codes]
+        contact_states = np.append(contact_states, events[0, columns.EVENT_FROM])
+    letters = [_CONTACT_LETTERS[int(state)] for state in contact_states]
     if has_several_meshes:
         phases = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
         # Simultaneous events have the same instant number.

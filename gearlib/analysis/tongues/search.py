@@ -8,7 +8,7 @@ from annotated_types import Ge
 
 from gearlib import checks, parameters
 from gearlib.analysis.tongues import hill_tongues, meissner
-from gearlib.data.result import result
+from gearlib.data.result import make_result
 from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
 from gearlib.parameters import NonNegative, Numbers, Unit, checked
@@ -114,7 +114,7 @@ def tongues(
     if parameter is None and model.pair:
         dampings = [closing_damping(model, tongue) for tongue in tongue_lists[0]]
         data["closing_damping"] = dimension, np.array(dampings, float)
-    dataset = result(
+    dataset = make_result(
         "Tongues of parametric resonance",
         model,
         data,

@@ -11,8 +11,8 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from gearlib import checks
-from gearlib.data.motions import float_array
-from gearlib.data.variables import describe
+from gearlib.data.motions import as_float_array
+from gearlib.data.variables import add_metadata
 from gearlib.models.geometry.gear import Shape, TipRelief, gap_of_relief
 from gearlib.models.geometry.iso import pair_stiffness
 from gearlib.models.geometry.load_sharing import (
@@ -70,7 +70,7 @@ def transmission_error(
     stiffness method; that method also describes the variables. The slices of helical gears are
     linearized at each load, and their gaps are left out of the dataset.
     """
-    torques = np.atleast_1d(float_array(torque))
+    torques = np.atleast_1d(as_float_array(torque))
     valid = torques.ndim == 1 and torques.size and ((torques >= 0.0) & (torques < math.inf)).all()
     checks.require(valid, "torque", torque, "a finite number >= 0, or at least one in a sequence")
     loads = stage.load(torques)
@@ -104,7 +104,7 @@ def transmission_error(
     mesh_phase = math.tau * np.arange(pairs.pitches.size) / phases
     coords = {"torque": torques, "phase": mesh_phase, "tooth_pair": np.arange(pairs.gap.shape[1])}
     title = "Static transmission error and load sharing of a gear mesh"
-    return describe(xr.Dataset(data, coords, {"title": title}))
+    return add_metadata(xr.Dataset(data, coords, {"title": title}))
 
 
 def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:

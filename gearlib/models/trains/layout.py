@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from gearlib.data.variables import describe
+from gearlib.data.variables import add_metadata
 from gearlib.models.trains.structure import FLOAT_ARITHMETIC
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def layout(train: "GearTrain") -> xr.Dataset:
         "misfit": float(_round_to_zero(max(closure_errors, default=0.0), radii)),
     }
     names = {name: train.names[name] for name in ("body", "mesh")}
-    return describe(xr.Dataset(data, names | {"gear": ["pinion", "wheel"]}))
+    return add_metadata(xr.Dataset(data, names | {"gear": ["pinion", "wheel"]}))
 
 
 def _round_to_zero(values: ArrayLike, references: Iterable[float]) -> np.ndarray:

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.signal import StateSpace
 
 from gearlib import checks
-from gearlib.data.variables import describe
+from gearlib.data.variables import add_metadata
 from gearlib.models.trains.natural_modes import state_matrix, total_damping
 from gearlib.models.trains.structure import AXES
 
@@ -61,7 +61,7 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
         quantity, _, motion = name.partition(" ")
         if name in mesh_force_names:
             j = mesh_force_names.index(name)
-            mesh, line = train.meshes[j], structure.lines[j]
+            mesh, line = train.meshes[j], structure.mesh_jacobian[j]
             c[i] = np.concatenate([mesh.mean_stiffness * line, mesh.known_damping * line])
         elif name.startswith("bearing force "):
             c[i] = _bearing_force_row(train, name.removeprefix("bearing force "))
@@ -162,4 +162,4 @@ def frequency_response(system: StateSpace, frequencies: Any) -> xr.Dataset:
         "output": list(getattr(system, "output_names", output_numbers)),
         "input": list(getattr(system, "input_names", input_numbers)),
     }
-    return describe(xr.Dataset(data, coords, {"title": "Frequency response of a gear train"}))
+    return add_metadata(xr.Dataset(data, coords, {"title": "Frequency response of a gear train"}))

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from gearlib.data.variables import describe
+from gearlib.data.variables import add_metadata
 from gearlib.engines.codes import COAST
 from gearlib.models.trains.statics import mesh_groups
-from gearlib.models.trains.waves import deviation_of_teeth, stiffness_harmonic
+from gearlib.models.trains.waves import stiffness_harmonic, tooth_deviation
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -65,7 +65,7 @@ def modes(train: "GearTrain") -> xr.Dataset:
         },
         attrs={"title": "Natural modes of a gear train"},
     )
-    return describe(dataset)
+    return add_metadata(dataset)
 
 
 def total_damping(train: "GearTrain") -> np.ndarray | None:
@@ -75,7 +75,7 @@ def total_damping(train: "GearTrain") -> np.ndarray | None:
     unknown.
     """
     damping = train.structure.damping.copy()
-    for line, mesh in zip(train.structure.lines, train.meshes, strict=True):
+    for line, mesh in zip(train.structure.mesh_jacobian, train.meshes, strict=True):
         if mesh.material_damping is None:
             return None
         damping += mesh.material_damping * np.outer(line, line)
@@ -87,7 +87,7 @@ def mean_stiffness_matrix(train: "GearTrain") -> np.ndarray:
 
     The shape is (n, n) for n coordinates.
     """
-    lines = train.structure.lines
+    lines = train.structure.mesh_jacobian
     mean_stiffnesses = [mesh.mean_stiffness for mesh in train.meshes]
     return train.structure.stiffness + (lines.T * mean_stiffnesses) @ lines
 
@@ -200,7 +200,7 @@ def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
     critical_tuning = data.natural_frequency / reference_frequency / data.stiffness_order
     data["critical_speed"] = train.speed(critical_tuning).transpose("stiffness_order", "mode")
     data.attrs["title"] = "Campbell diagram of a gear train"
-    return describe(data)
+    return add_metadata(data)
 
 
 def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
@@ -219,7 +219,7 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
     ):
         # The teeth on the loaded side, 0 (coast) or 1 (drive), excite the modes by their varying
         # stiffness, or by their transmission error `table`: rows (order, cosine, sine).
-        phase, table = deviation_of_teeth(train, mesh, 0 if side == COAST else 1)
+        phase, table = tooth_deviation(train, mesh, 0 if side == COAST else 1)
         for order in range(1, math.floor(count / ratio) + 1):
             has_deviation = order <= len(table)
             if not mesh.varies and not has_deviation:
@@ -254,4 +254,4 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
         coords={"stiffness_order": [float(order) for order in orders]},
         attrs={"title": "Modes of a gear train and the harmonics that excite them"},
     )
-    return describe(dataset)
+    return add_metadata(dataset)

@@ -18,12 +18,12 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.data import status
-from gearlib.data.variables import describe
+from gearlib.data.variables import add_metadata
 from gearlib.models.trains.waves import (
     SAME_PHASE_TOLERANCE,
-    at_lower_level,
+    force_direction,
     force_frequency,
-    force_row,
+    is_at_lower_level,
 )
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def check_balance(train: "GearTrain") -> None:
         raise ValueError("bodies is not allowed: every motion must have a mass")
     for force in train.forces:
         owner = f"a force on body {force.body}"
-        can_move = force_row(train, force, train.structure.motions).any()
+        can_move = force_direction(train, force, train.structure.motions).any()
         checks.require(
             can_move, "axis", force.axis, "a direction in which this body can move", owner
         )
@@ -130,7 +130,7 @@ class Equilibrium(NamedTuple):
 
     q: np.ndarray  #: coordinates, m, shape (n,), without free motions
     force: np.ndarray  #: N, positive on drive sides, negative on coast sides, shape (m,)
-    contact: np.ndarray  #: contact codes 1, 0 and -1, shape (m,)
+    contact: np.ndarray  #: contact states 1, 0 and -1, shape (m,)
     both_flanks_touch: np.ndarray  #: bool, whether forces act on both flanks, shape (m,)
 
 
@@ -182,13 +182,13 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
     scale = force_scale + np.abs(load).sum() + force_sizes.sum()
     if not np.abs(residual).max(initial=0.0) <= _RESIDUAL_TOLERANCE * scale:
         raise ValueError("the static equilibrium is not accurate to rounding; no result")
-    contact_codes = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
+    contact_states = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
     # A smaller overlap of the coast-side flanks is a rounding error of the distance.
     rounding = 1e-12 * (gap_sizes.max() + np.abs(drive_lines @ modal_amplitudes))
-    both_flanks_touch = (contact_codes == 1) & (distances[0] < -rounding)
+    both_flanks_touch = (contact_states == 1) & (distances[0] < -rounding)
     coordinates = basis @ modal_amplitudes
-    contact_codes = contact_codes.astype(np.int8)
-    return Equilibrium(coordinates, forces.sum(axis=0), contact_codes, both_flanks_touch)
+    contact_states = contact_states.astype(np.int8)
+    return Equilibrium(coordinates, forces.sum(axis=0), contact_states, both_flanks_touch)
 
 
 def static(train: "GearTrain", phase: float = 0.0) -> xr.Dataset:
@@ -211,7 +211,7 @@ def static(train: "GearTrain", phase: float = 0.0) -> xr.Dataset:
         coords=train.names,
         attrs={"title": "Static equilibrium of a gear train"},
     )
-    dataset = describe(dataset)
+    dataset = add_metadata(dataset)
     dataset["status"].attrs["message"] = status.MESSAGES[status_code]
     return dataset
 
@@ -268,7 +268,7 @@ def _stiffness_levels(train: "GearTrain", phase: float) -> np.ndarray:
         fraction = (phase_in_period + SAME_PHASE_TOLERANCE) / math.tau
         # Phase of this mesh in its periods, exact for the whole periods of the reference mesh.
         mesh_phase = float(int(period) * ratio % 1) + fraction * float(ratio)
-        low = at_lower_level(mesh, stiffness_phases, np.array([mesh_phase]))[:, 0]
+        low = is_at_lower_level(mesh, stiffness_phases, np.array([mesh_phase]))[:, 0]
         levels[:, j] = mesh.max_stiffness * np.where(low, mesh.stiffness_ratio, 1.0)
     return levels
 

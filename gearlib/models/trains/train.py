@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Le, MinLen
 
 from gearlib import checks
 from gearlib.data import summary
-from gearlib.data.motions import float_array
+from gearlib.data.motions import as_float_array
 from gearlib.engines import orbit
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.train_system import TrainSystem
@@ -34,8 +34,8 @@ from gearlib.models.trains.structure import (
     FLOAT_ARITHMETIC,
     Arithmetic,
     Structure,
-    coast_lines,
-    structure,
+    assemble_structure,
+    coast_jacobian,
 )
 from gearlib.models.trains.system import (
     DimensionlessMatrices,
@@ -212,7 +212,7 @@ class GearTrain(Model):
         if self.matrices is not None:
             assembled = self.matrices.structure(self, arithmetic)
         else:
-            assembled = structure(self.by_name, self.meshes, self.shafts, arithmetic)
+            assembled = assemble_structure(self.by_name, self.meshes, self.shafts, arithmetic)
         if self.modal_damping is None:
             return assembled
         # Add the damping that gives the modes their given damping ratios.
@@ -237,8 +237,8 @@ class GearTrain(Model):
 
     @cached_property
     def coast_lines(self):
-        """Row vectors of the coast-side distances, (m, n), see `structure.coast_lines`."""
-        return coast_lines(self.structure, self.by_name, self.meshes)
+        """Row vectors of the coast-side distances, (m, n), see `structure.coast_jacobian`."""
+        return coast_jacobian(self.structure, self.by_name, self.meshes)
 
     @cached_property
     def speeds(self):
@@ -279,7 +279,9 @@ class GearTrain(Model):
         load.
         """
         return {
-            mesh.name: turning.coast_side_phase(mesh, self.speeds_at(mesh), self.phases[mesh.name])
+            mesh.name: turning.coast_stiffness_phase(
+                mesh, self.speeds_at(mesh), self.phases[mesh.name]
+            )
             for mesh in self.meshes
         }
 
@@ -336,7 +338,7 @@ class GearTrain(Model):
         """
         spring_rows, spring_stiffness = self.structure.springs
         mean_stiffness = [mesh.mean_stiffness for mesh in self.meshes]
-        rows = np.concatenate([spring_rows, self.structure.lines])
+        rows = np.concatenate([spring_rows, self.structure.mesh_jacobian])
         stiffness = np.concatenate([spring_stiffness, mean_stiffness])
         modes = free_motions_and_modes((rows, stiffness), self.structure.masses)
         if self.matrices is None:
@@ -586,9 +588,9 @@ class GearTrain(Model):
         ValueError
             If the train was not made by `from_matrices`, or the frequency is wrong.
         """
-        from gearlib.models.trains.matrices import reduced
+        from gearlib.models.trains.matrices import reduce_train
 
-        return reduced(self, frequency)
+        return reduce_train(self, frequency)
 
     def state_space(self, inputs=None, outputs=None) -> Any:
         """Return the linear state space about the loaded state, with all flanks at mean stiffness.
@@ -672,7 +674,7 @@ class GearTrain(Model):
         if isinstance(initial_state, str):
             checks.check_choice("initial_state", initial_state, ("static",))
             return self._static_state.copy()
-        state = float_array(initial_state)
+        state = as_float_array(initial_state)
         if state.shape == (2,) and not state.any():
             return np.zeros(self.size)
         if state.shape != (self.size,) or not np.all(np.isfinite(state)):
@@ -811,7 +813,7 @@ class GearTrain(Model):
             frame_rate = float(self.speeds.frame)
             forces += [structure.centrifugal, structure.circulatory, free.T @ structure.coriolis]
             if any(max(mesh.friction) for mesh in self.meshes):
-                forces.append(structure.sliding)
+                forces.append(structure.sliding_jacobian)
         for matrix in forces:
             # Each force is compared with the size of the terms that cancel in it.
             if (np.abs(matrix @ free) > 1e-9 * (np.abs(matrix) @ np.abs(free))).any():

@@ -39,10 +39,10 @@ from numpy.typing import ArrayLike
 from gearlib import integrators
 from gearlib.data import status
 from gearlib.data.files import canonical_json
-from gearlib.data.result import result_of_many, stacked
+from gearlib.data.result import evaluate_on_grid, make_study_result
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
-from gearlib.studies.trials.difficult_problems import Problem, problems
+from gearlib.studies.trials.difficult_problems import Problem, build_problems
 
 #: Names of the verdicts in the order of their codes.
 VERDICTS = (
@@ -71,7 +71,7 @@ class Outcome(NamedTuple):
     fractions: tuple = (math.nan, math.nan, math.nan)
     bounces: float = math.nan  #: per mesh period
     period: int = 0  #: mesh periods after which the motion repeats; 0: it does not
-    contacts: tuple = ()  #: contact codes (before, after) of every event; of trains mesh by mesh
+    contacts: tuple = ()  #: contact states (before, after) of every event; of trains mesh by mesh
     evaluations: int = 0
 
     @property
@@ -80,7 +80,7 @@ class Outcome(NamedTuple):
         return self.high - self.low
 
 
-def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
+def extract_outcome(run: xr.Dataset, model: Any) -> Outcome:
     """Return the `Outcome`, the quantities that are compared, of a result of `gearlib.simulate`.
 
     `model` is the simulated model. Fractions of time and bounces of gear trains are means over the
@@ -109,7 +109,7 @@ def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
     )
 
 
-def _distance(tuning: float, state: ArrayLike, other: ArrayLike) -> float:
+def _state_distance(tuning: float, state: ArrayLike, other: ArrayLike) -> float:
     """Return the distance of two states, their largest difference in any coordinate.
 
     A state has all displacements, then all velocities. Differences of velocities, derivatives with
@@ -120,10 +120,10 @@ def _distance(tuning: float, state: ArrayLike, other: ArrayLike) -> float:
     return float(max(displacements.max(), tuning * velocities.max()))
 
 
-def wrong_contacts(contacts: Sequence, expected: Sequence) -> int:
+def count_wrong_contacts(contacts: Sequence, expected: Sequence) -> int:
     """Return the number of contact events that are missing, spurious or out of order.
 
-    Both arguments are sequences of events, each with the contact codes before and after it.
+    Both arguments are sequences of events, each with the contact states before and after it.
     """
     differing = sum(a != b for a, b in zip(contacts, expected, strict=False))
     return differing + abs(len(contacts) - len(expected))
@@ -139,10 +139,10 @@ def energy_or_deviation(problem: Problem, outcome: Outcome) -> float:
         # The stiffness is constant: equilibrium is at 1, the natural frequency is 1 / tuning.
         displacement, velocity = outcome.state
         return 0.5 * ((displacement - 1.0) ** 2 + (problem.tuning * velocity) ** 2)
-    return _distance(problem.tuning, outcome.state, problem.orbit)
+    return _state_distance(problem.tuning, outcome.state, problem.orbit)
 
 
-def error(problem: Problem, outcome: Outcome, reference: Outcome) -> float:
+def compute_error(problem: Problem, outcome: Outcome, reference: Outcome) -> float:
     """Return the error of a completed run in the quantity that its problem compares.
 
     `outcome` is the run of the method under test, `reference` the accurate one. The quantities
@@ -151,7 +151,7 @@ def error(problem: Problem, outcome: Outcome, reference: Outcome) -> float:
     """
     match problem.quantity:
         case "contacts":
-            return float(wrong_contacts(outcome.contacts, reference.contacts))
+            return float(count_wrong_contacts(outcome.contacts, reference.contacts))
         case "fractions":
             return float(np.abs(np.subtract(outcome.fractions, reference.fractions)).max())
         case "energy" | "deviation":
@@ -161,7 +161,7 @@ def error(problem: Problem, outcome: Outcome, reference: Outcome) -> float:
             differences = outcome.low - reference.low, outcome.high - reference.high
             return max(map(abs, differences)) / reference.height
     # The remaining quantity is "state".
-    distance = _distance(problem.tuning, outcome.state, reference.state)
+    distance = _state_distance(problem.tuning, outcome.state, reference.state)
     return distance / max(1.0, reference.height)
 
 
@@ -202,7 +202,7 @@ def classify_run(problem: Problem, outcome: Outcome, reference: Outcome) -> tupl
     """
     if outcome.status != status.OK:
         return "diverged" if outcome.status == status.OVERFLOW else "stalled", math.nan
-    run_error = error(problem, outcome, reference)
+    run_error = compute_error(problem, outcome, reference)
     settles = problem.quantity in ("orbit", "fractions")
     both_or_none_repeat = (outcome.period == 0) == (reference.period == 0)
     # The negation is also true for NaN.
@@ -219,7 +219,7 @@ def classify_run(problem: Problem, outcome: Outcome, reference: Outcome) -> tupl
     return "inaccurate", run_error
 
 
-def run(
+def run_method(
     problem: Problem, method: str, options: dict, periods: int, max_events: int = MAX_EVENTS
 ) -> Outcome:
     """Run a method with options on a problem over a number of mesh periods; return its outcome.
@@ -240,10 +240,10 @@ def run(
         max_events=max_events,
         until_settled=True,
     )
-    return outcome_of(result, problem.model)
+    return extract_outcome(result, problem.model)
 
 
-def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
+def choose_reference_method(problem: Problem, method: str) -> tuple[str, dict]:
     """Return the name and the options of the method against which `method` is judged.
 
     It is the first automatic method of the library that supports the model of the problem, but not
@@ -255,7 +255,7 @@ def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
     return SPLIT_REFERENCE
 
 
-def try_method(problem: Problem, method: str, options: dict) -> dict:
+def judge_run(problem: Problem, method: str, options: dict) -> dict:
     """Run a method with these options on a problem; return verdict, error and further data.
 
     The dict has the variables of the dataset: verdict (index in `VERDICTS`), error in the quantity
@@ -269,10 +269,12 @@ def try_method(problem: Problem, method: str, options: dict) -> dict:
         # Interpreted steps of scipy are thousands of times slower than compiled steps.
         short_periods = problem.short_periods if method == "scipy" else None
         periods = short_periods or problem.periods
-        reference_name, reference_options = reference_method(problem, method)
-        outcome = run(problem, method, options, periods)
+        reference_name, reference_options = choose_reference_method(problem, method)
+        outcome = run_method(problem, method, options, periods)
         # The limit on the arcs of the reference is so high that it is never reached.
-        reference = run(problem, reference_name, reference_options, periods, max_events=1_000_000)
+        reference = run_method(
+            problem, reference_name, reference_options, periods, max_events=1_000_000
+        )
         verdict, run_error = classify_run(problem, outcome, reference)
         evaluations, message = outcome.evaluations, status.MESSAGES[outcome.status]
     return {
@@ -292,7 +294,7 @@ def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
     trial is a method with options. There is only one here; `name` is its label in figures and
     tables that compare several trials.
     """
-    problems_by_name = problems()
+    problems_by_name = build_problems()
 
     def problem_variables(problem_name: str) -> dict:
         """Return the variables that define a problem; "words" is its description in the figure."""
@@ -312,15 +314,15 @@ def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
 
     def verdict_variables(problem_name: str, trial: str) -> dict:
         """Return verdict, error and cost on a problem. `trial`, the only label, is not used."""
-        return try_method(problems_by_name[problem_name], method, options)
+        return judge_run(problems_by_name[problem_name], method, options)
 
     problem_axis = {"problem": list(problems_by_name)}
     axes = problem_axis | {"trial": [name]}
-    data = stacked(axes, verdict_variables)
-    data |= stacked(problem_axis, problem_variables)
+    data = evaluate_on_grid(axes, verdict_variables)
+    data |= evaluate_on_grid(problem_axis, problem_variables)
     texts = {"method": method, "options": canonical_json(options)}
     data |= {key: ("trial", np.array([text], dtype=object)) for key, text in texts.items()}
     title = "Verdicts on methods by difficult problems"
-    dataset = result_of_many(title, data, axes, references=GearPair.references)
-    dataset["verdict"].attrs |= status.flags_of(VERDICTS)
+    dataset = make_study_result(title, data, axes, references=GearPair.references)
+    dataset["verdict"].attrs |= status.flag_attributes(VERDICTS)
     return dataset

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from gearlib.analysis.tongues.meissner import linear_pair
-from gearlib.data.result import result, stacked
+from gearlib.analysis.tongues.meissner import without_backlash
+from gearlib.data.result import evaluate_on_grid, make_result
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
 
@@ -47,7 +47,7 @@ def spectral_radii(pair: Any, tunings: Sequence[float], method: str, options: di
     return np.minimum(radii, MAX_RADIUS)
 
 
-def compute(
+def compute_spectral_radii(
     pair: GearPair, tunings: Sequence[float], fine_tunings, steps: Sequence[int], methods: dict
 ) -> xr.Dataset:
     """Compute the spectral radii of fixed-step methods, and of the exact period map.
@@ -58,7 +58,7 @@ def compute(
     `methods` maps labels to dicts with "method", a name of `gearlib.methods`, and "options", its
     options without the number of steps.
     """
-    linear = linear_pair(pair)
+    linear = without_backlash(pair)
 
     def radii(name: str, step_count: int) -> dict:
         """Return the spectral radii of the method labelled `name` with `step_count` steps.
@@ -69,11 +69,11 @@ def compute(
         return {"radius": spectral_radii(linear, tunings, methods[name]["method"], options)}
 
     axes = {"method": list(methods), "steps": np.asarray(steps, np.int32)}
-    data = stacked(axes, radii, "tuning") | {
+    data = evaluate_on_grid(axes, radii, "tuning") | {
         "true_radius": ("fine_tuning", spectral_radii(linear, fine_tunings, "exact", {})),
         "stiffness_max": pair.max_stiffness / pair.mean_stiffness,
     }
     grids = {"tuning": tunings, "fine_tuning": fine_tunings}
     coords = axes | {name: np.asarray(grid, float) for name, grid in grids.items()}
     title = "Numerical stability of fixed-step methods"
-    return result(title, pair, data, coords, method=", ".join(methods))
+    return make_result(title, pair, data, coords, method=", ".join(methods))

@@ -28,10 +28,10 @@ import xarray as xr
 
 from gearlib import integrators
 from gearlib.data.files import canonical_json
-from gearlib.data.result import result_of_many, stacked
+from gearlib.data.result import evaluate_on_grid, make_study_result
 from gearlib.engines.jit import kernel
 from gearlib.engines.orbit import Span
-from gearlib.engines.pair.motion import evolve, level_at_tuning
+from gearlib.engines.pair.motion import evolve, stiffness_level_at_tuning
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.studies.trials import problems, references
@@ -137,42 +137,44 @@ def event_error(motion: problems.Motion, reference: problems.Motion) -> float:
     """Return the largest error of the phases of contact events, rad.
 
     `motion` is the motion by the method under test, `reference` the exact one. The error is NaN
-    without events, or if the contact codes of the events differ in number or value.
+    without events, or if the contact states of the events differ in number or value.
     """
     if not np.array_equal(motion.codes, reference.codes) or not len(reference.codes):
         return math.nan
     return float(np.abs(motion.phases - reference.phases).max())
 
 
-def errors(
+def compute_errors(
     method: str, reference_data: xr.Dataset, pair: GearPair, six_degrees: dict, settings: dict
 ) -> xr.Dataset:
     """Compute the errors and evaluations of a method on the test problems, for all its settings.
 
     A setting is a value of the accuracy parameter of the method, with its index along the dimension
-    "rung". `reference_data` is a result of `gearlib.studies.trials.references.compute`; `pair`,
-    `six_degrees` (arguments of `SixDegreePair`) and `settings` (damping and numbers of mesh
-    periods) are arguments of `gearlib.studies.trials.problems.build`. Values are NaN if the method
-    cannot run the model or stops early.
+    "rung". `reference_data` is a result of `gearlib.studies.trials.references.compute_references`;
+    `pair`, `six_degrees` (arguments of `SixDegreePair`) and `settings` (damping and numbers of mesh
+    periods) are arguments of `gearlib.studies.trials.problems.build_problem`. Values are NaN if the
+    method cannot run the model or stops early.
     """
     names = reference_data.problem.values.tolist()
-    built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
-    motions = {name: references.motion_of(reference_data, name) for name in names}
+    built = {name: problems.build_problem(name, pair, six_degrees, settings) for name in names}
+    motions = {name: references.select_motion(reference_data, name) for name in names}
 
     def setting_errors(name: str, setting: tuple) -> dict:
         """Return the errors of a setting (variant, string, options) on the problem `name`."""
         _, _, options = setting
         reference = reference_data.sel(problem=name)
-        return _setting_errors(method, options, built[name], motions[name], reference)
+        return _compute_setting_errors(method, options, built[name], motions[name], reference)
 
-    data = stacked({"problem": names, "rung": method_settings(method)}, setting_errors)
-    data |= stacked({"problem": names}, lambda name: _error_floors(built[name], motions[name]))
+    data = evaluate_on_grid({"problem": names, "rung": method_settings(method)}, setting_errors)
+    data |= evaluate_on_grid(
+        {"problem": names}, lambda name: _rounding_error_floors(built[name], motions[name])
+    )
     title = f"Errors of method {method} and what they cost in evaluations"
     parameters = {"settings": settings, "six_degrees": six_degrees, "difference": DIFFERENCE}
-    return _dataset(title, method, names, data, pair, parameters)
+    return _build_dataset(title, method, names, data, pair, parameters)
 
 
-def _setting_errors(method, options, problem, expected, reference) -> dict[str, float]:
+def _compute_setting_errors(method, options, problem, expected, reference) -> dict[str, float]:
     """Return the errors of a method with these options on a problem, and its evaluations.
 
     `expected` is the exact motion, `reference` a dataset with the exact periodic orbit and its
@@ -181,7 +183,7 @@ def _setting_errors(method, options, problem, expected, reference) -> dict[str, 
     """
     state = event = multiplier = evaluations = math.nan
     if integrators.METHODS[method].supports(problem.model):
-        motion = problems.run(problem, method, options)
+        motion = problems.run_problem(problem, method, options)
         # Smaller errors are below the accuracy of the reference of a gear train.
         accuracy = references.TRAIN_ACCURACY if problem.model.mesh_names else 0.0
         state = np.maximum(state_error(motion, expected), accuracy)
@@ -192,7 +194,7 @@ def _setting_errors(method, options, problem, expected, reference) -> dict[str, 
 
             def period_map(start: np.ndarray) -> np.ndarray:
                 """Return the state, (2,), that the method computes one mesh period later."""
-                return problems.run(problem, method, options, start, periods=1).state
+                return problems.run_problem(problem, method, options, start, periods=1).state
 
             orbit_state = reference.orbit_state.values
             matrix = problems.period_map_jacobian(period_map, orbit_state, DIFFERENCE)
@@ -205,7 +207,9 @@ def _setting_errors(method, options, problem, expected, reference) -> dict[str, 
     }
 
 
-def _error_floors(problem: problems.Problem, reference: problems.Motion) -> dict[str, float]:
+def _rounding_error_floors(
+    problem: problems.Problem, reference: problems.Motion
+) -> dict[str, float]:
     """Return the errors of state, event phase and multiplier that rounding alone causes.
 
     They are half the spacing of floating-point numbers at the largest value of the `reference`
@@ -221,7 +225,7 @@ def _error_floors(problem: problems.Problem, reference: problems.Motion) -> dict
     return {"state_floor": state, "event_floor": phase, "multiplier_floor": multiplier}
 
 
-def _dataset(title, method, names, data, pair, parameters) -> xr.Dataset:
+def _build_dataset(title, method, names, data, pair, parameters) -> xr.Dataset:
     """Return `data`, variables of a method over problem and setting, as a dataset.
 
     The dimension "rung" is the index of the setting. Each setting is described by the label of the
@@ -239,10 +243,10 @@ def _dataset(title, method, names, data, pair, parameters) -> xr.Dataset:
     coords = {"problem": names, "rung": np.arange(len(variants), dtype=np.int32)}
     attrs = {"method": method, "references": GearPair.references}
     attrs |= {"gear_pair": pair.as_dict(), "parameters": parameters}
-    return result_of_many(title, data, coords, method, **attrs)
+    return make_study_result(title, data, coords, method, **attrs)
 
 
-def times(
+def measure_times(
     method: str,
     names: Sequence[str],
     pair: GearPair,
@@ -255,25 +259,27 @@ def times(
     A setting is a value of the accuracy parameter, with its index along the dimension "rung".
     `names` are names of problems; `pair`, `six_degrees` (arguments of `SixDegreePair`) and
     `settings` (damping and numbers of mesh periods) are arguments of
-    `gearlib.studies.trials.problems.build`. The minimum of `repeats` runs is taken; long runs are
-    timed once. No other program may run at the same time. period_time, in seconds, excludes the
-    start of a run and is NaN if the method cannot run the model; closed_form_time is the time of
-    one evaluation of the exact solution in contact.
+    `gearlib.studies.trials.problems.build_problem`. The minimum of `repeats` runs is taken; long
+    runs are timed once. No other program may run at the same time. period_time, in seconds,
+    excludes the start of a run and is NaN if the method cannot run the model; closed_form_time is
+    the time of one evaluation of the exact solution in contact.
     """
 
     def setting_time(name: str, setting: tuple) -> dict:
         """Return the wall time of a setting (variant, string, options) on the problem `name`."""
         _, _, options = setting
-        problem = problems.build(name, pair, six_degrees, settings)
-        return {"period_time": _period_time(problem, method, options, repeats)}
+        problem = problems.build_problem(name, pair, six_degrees, settings)
+        return {"period_time": _measure_period_time(problem, method, options, repeats)}
 
-    data = stacked({"problem": names, "rung": method_settings(method)}, setting_time)
-    data["closed_form_time"] = closed_form_time(repeats)
+    data = evaluate_on_grid({"problem": names, "rung": method_settings(method)}, setting_time)
+    data["closed_form_time"] = measure_closed_form_time(repeats)
     parameters = {"settings": settings, "six_degrees": six_degrees, "repeats": repeats}
-    return _dataset(f"Wall times of method {method}", method, names, data, pair, parameters)
+    return _build_dataset(f"Wall times of method {method}", method, names, data, pair, parameters)
 
 
-def _period_time(problem: problems.Problem, method: str, options: dict, repeats: int) -> float:
+def _measure_period_time(
+    problem: problems.Problem, method: str, options: dict, repeats: int
+) -> float:
     """Measure the wall time of a method per mesh period of a problem, in seconds.
 
     It is the minimum of `repeats` measurements, or NaN if the method cannot run the model or stops
@@ -311,10 +317,12 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
             max_periods = problem.periods
     if run(short_periods, calls=1):
         return math.nan
-    return seconds_per_period(run, short_periods, max_periods, repeats)
+    return measure_seconds_per_period(run, short_periods, max_periods, repeats)
 
 
-def seconds_per_period(run: Callable, short_periods: int, max_periods: int, repeats: int) -> float:
+def measure_seconds_per_period(
+    run: Callable, short_periods: int, max_periods: int, repeats: int
+) -> float:
     """Measure the wall time of a mesh period of ``run(periods, calls)``, without its start.
 
     ``run`` repeats a run over `periods` mesh periods `calls` times. The time follows from the
@@ -356,14 +364,14 @@ def _evolve_repeatedly(level, u, v, t, count):
     return u, v
 
 
-def closed_form_time(repeats: int) -> float:
+def measure_closed_form_time(repeats: int) -> float:
     """Measure the time of one evaluation of the exact solution in contact, in seconds.
 
     Many evaluations, steps at constant stiffness, are timed together. The minimum of `repeats`
     measurements is taken, because other programs can only slow a run down.
     """
     # The contact is underdamped at mean stiffness; the time does not depend on the values.
-    level = level_at_tuning(1.0, 0.06, 0.9)
+    level = stiffness_level_at_tuning(1.0, 0.06, 0.9)
     count = 100_000
     _evolve_repeatedly(level, 1.0, 0.0, 1.0, 1)  # compiles the kernel
     evaluate = partial(_evolve_repeatedly, level, 1.0, 0.0, 1.0, count)
