@@ -34,15 +34,15 @@ def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolut
     `revolutions` the length of the run-up.
     """
     # Pairs (stage, load case), and the load cases in which the whole gearbox can be computed.
-    stages, boxes, _ = gearboxes.jobs(file)
+    stages, boxes, _ = gearboxes.list_computations(file)
     body = [f"<pre>{escape(text)}</pre>"]
-    view = gearboxes.outline(file)
+    view = gearboxes.gearbox_outline(file)
     if view.sizes["part"]:
         body += ["<h2>From the side</h2>", _image(gearbox_figure.draw_view(view))]
 
     def sweep_stage(job):
         """Return dynamic factor and transmission error over speed; `job` is (stage, load case)."""
-        return gearboxes.stage_over_speed(file, job[0], job[1], damping_ratio, points)
+        return gearboxes.sweep_stage(file, job[0], job[1], damping_ratio, points)
 
     # Threads run in parallel, because the kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
@@ -51,12 +51,12 @@ def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolut
     if sweeps:
         body.append(_image(gearbox_figure.draw_stages(sweeps)))
     for case in boxes:
-        box = gearboxes.whole_box(file, case, damping_ratio, orders)
-        run = gearboxes.run_up(file, case, damping_ratio, revolutions)
+        box = gearboxes.analyse_gearbox(file, case, damping_ratio, orders)
+        run = gearboxes.compute_run_up_orders(file, case, damping_ratio, revolutions)
         body += [f"<h2>The whole box, load case {escape(case)}</h2>"]
         body += [_image(gearbox_figure.draw_modes(box))]
         body += [_image(gearbox_figure.draw_run_up(run, box))]
-        body += [_table(gearboxes.box_rows([box]))]
+        body += [_table(gearboxes.gearbox_rows([box]))]
     return _PAGE.format(title=escape(Path(file).name), body="\n".join(body))
 
 

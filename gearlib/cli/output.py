@@ -139,10 +139,10 @@ def print_gear_table(rows, file_format):
     if file_format == "json":
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))
     elif file_format == "csv":
-        from gearlib.studies.gear_table import cells
+        from gearlib.studies.gear_table import quantity_rows
 
         text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(cells(rows))
+        csv.writer(text, lineterminator="\n").writerows(quantity_rows(rows))
         click.echo(text.getvalue(), nl=False)
     else:
         # The amplitudes of the mesh orders are printed in a separate table.

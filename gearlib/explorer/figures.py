@@ -85,7 +85,7 @@ class Figures:
     def _draw_curves(self, curves) -> None:
         """Draw dynamic factor and transmission error over the speed, and lines at the jumps.
 
-        `curves` is a result of `gearlib.studies.teeth_over_speed.over_speed`, for rising ("up") and
+        `curves` is a result of `gearlib.studies.teeth_over_speed.sweep_speeds`, for rising ("up") and
         falling speed.
         """
         speed = curves.speed.values

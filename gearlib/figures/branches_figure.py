@@ -181,11 +181,11 @@ def draw_jump(jumps: xr.Dataset, marked=()):
     """Return a figure of the jump of the motion from rest, and of shifts of this jump.
 
     The upper panel shows the peak-to-peak displacement over the tuning (mesh frequency over natural
-    frequency). `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`: runs that vary one
-    quantity (`kind`) each, the first of which is the unchanged run; `switches` is the number of
-    jumps. The other panels show how far each variation shifts the jump; pale bars are ranges over
-    many initial states. `marked` has up to two tunings to compare with the jump, drawn as dashed
-    lines above and as an orange band in the panels of shifts.
+    frequency). `jumps` is a result of `gearlib.studies.jump.compute_jump_and_shifts`: runs that
+    vary one quantity (`kind`) each, the first of which is the unchanged run; `switches` is the
+    number of jumps. The other panels show how far each variation shifts the jump; pale bars are
+    ranges over many initial states. `marked` has up to two tunings to compare with the jump, drawn
+    as dashed lines above and as an orange band in the panels of shifts.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * math.ceil(len(kinds) / 2)

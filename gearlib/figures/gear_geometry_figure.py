@@ -153,7 +153,7 @@ _ISO_COLOUR, _OPERATING_COLOUR = "#8C8C8C", "#D55E00"
 def draw_dynamic_factor(curves: xr.Dataset):
     """Return a figure of dynamic factor and transmission error over the speed of the pinion.
 
-    `curves` is a result of `gearlib.studies.teeth_over_speed.over_speed`, for rising and falling
+    `curves` is a result of `gearlib.studies.teeth_over_speed.sweep_speeds`, for rising and falling
     speed. Dotted lines with an arrow show the speeds at which the motion jumps, a dashed line the
     operating speed.
     """

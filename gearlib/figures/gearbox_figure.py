@@ -50,7 +50,7 @@ def draw_view(outline: xr.Dataset):
 def draw_stages(stages: list[xr.Dataset]):
     """Return a figure of dynamic factor and transmission error over the speed, one row per stage.
 
-    Each of `stages` is a result of `gearlib.studies.gearboxes.stage_over_speed` for one pair of
+    Each of `stages` is a result of `gearlib.studies.gearboxes.sweep_stage` for one pair of
     gears. Curves differ in the direction in which the speed changes.
     """
     figure = style.page_figure(height=1.9 * len(stages) + 0.5)
@@ -78,8 +78,8 @@ def draw_modes(box: xr.Dataset):
     """Return a Campbell diagram of a gearbox, above the strain energies of its natural modes.
 
     A Campbell diagram shows natural and mesh frequencies over the speed. `box` is a result of
-    `gearlib.studies.gearboxes.whole_box`. Below, each mode has a bar, stacked from the shares of
-    all meshes and, hatched, of all shafts in its strain energy.
+    `gearlib.studies.gearboxes.analyse_gearbox`. Below, each mode has a bar, stacked from the shares
+    of all meshes and, hatched, of all shafts in its strain energy.
     """
     figure = style.page_figure(height=5.6)
     campbell_axes, energy_axes = figure.subplots(2, 1)
@@ -114,8 +114,8 @@ def draw_modes(box: xr.Dataset):
 def draw_run_up(spectrogram: xr.Dataset, frequencies: xr.Dataset):
     """Return an order map of a run-up (amplitudes over speed and order of the shaft).
 
-    `spectrogram` is a result of `gearlib.studies.gearboxes.run_up`. Lines mark `frequencies`, a
-    dataset with variables of `gearlib.characteristic_frequencies`. The dimension of the map is
-    renamed, because `order_map` expects the name "time".
+    `spectrogram` is a result of `gearlib.studies.gearboxes.compute_run_up_orders`. Lines mark
+    `frequencies`, a dataset with variables of `gearlib.characteristic_frequencies`. The dimension
+    of the map is renamed, because `order_map` expects the name "time".
     """
     return orders_figure.order_map(spectrogram.rename(block="time"), frequencies=frequencies)

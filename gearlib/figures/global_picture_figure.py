@@ -43,8 +43,8 @@ def attractor_colours(kinds: np.ndarray) -> list[str]:
 def draw_basins(data: xr.Dataset):
     """Return a figure of basins of attraction, a panel for each case.
 
-    `data` is a result of `gearlib.studies.global_picture.basin_cases`. Each point of a panel is an
-    initial state, in the colour of the motion (attractor) to which it leads. Legends state the
+    `data` is a result of `gearlib.studies.global_picture.compute_basins`. Each point of a panel is
+    an initial state, in the colour of the motion (attractor) to which it leads. Legends state the
     period of each attractor and the share of initial states in its basin.
     """
     figure, grid = style.panel_figure(data.sizes["case"], height=3.9)
@@ -93,10 +93,10 @@ def _label_plane(axes, prefix=""):
 def draw_sections(data: xr.Dataset):
     """Return a figure of Poincaré sections (states once per mesh period), a panel for each case.
 
-    `data` is a result of `gearlib.studies.global_picture.sections`; its variable chaotic has a code
-    for each orbit: 1 for chaotic orbits, drawn in orange, 2 for undecided ones, drawn in grey;
-    regular orbits have other colours. Titles state the mesh phase tau at which the states are
-    recorded.
+    `data` is a result of `gearlib.studies.global_picture.compute_poincare_sections`; its variable
+    chaotic has a code for each orbit: 1 for chaotic orbits, drawn in orange, 2 for undecided ones,
+    drawn in grey; regular orbits have other colours. Titles state the mesh phase tau at which the
+    states are recorded.
     """
     figure, grid = style.panel_figure(data.sizes["case"], height=3.3)
     for i, axes in enumerate(grid):
@@ -124,10 +124,11 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
     """Return a figure of a bifurcation diagram, Lyapunov exponents and shares of attractors.
 
     All are drawn over the tuning (mesh frequency over natural frequency). `diagram` and `shares`
-    are both results of `gearlib.studies.global_picture.bifurcation`. If `branches` of periodic
-    orbits, a result of `gearlib.studies.resonance.branches`, is given, they are also drawn in the
-    diagram. The first word of a direction in `diagram` is "up" or "down" (the tuning increases or
-    decreases) or "cold" (random initial states); several directions may begin with the same word.
+    are both results of `gearlib.studies.global_picture.compute_bifurcation`. If `branches` of
+    periodic orbits, a result of `gearlib.studies.resonance.compute_branches`, is given, they are
+    also drawn in the diagram. The first word of a direction in `diagram` is "up" or "down" (the
+    tuning increases or decreases) or "cold" (random initial states); several directions may begin
+    with the same word.
     """
     figure = style.page_figure(height=6.6)
     grid = figure.subplots(3, 1, sharex=True, height_ratios=(2.4, 1.0, 1.4))

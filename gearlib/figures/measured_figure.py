@@ -22,7 +22,7 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) ->
     """Draw measured values of the variables `names` over the tuning; return legend handles.
 
     The tuning is the mesh frequency over the natural frequency. `curves` are results of
-    `gearlib.studies.measured.measured_response_curve`, one for each measured set. Markers are open
+    `gearlib.studies.measured.read_response_curve`, one for each measured set. Markers are open
     if the gain or offset of the sensor is unknown; their shape shows whether the speed rises or
     falls. Dotted lines show the speeds of jumps. `computed` maps names of the computed curves in
     the axes to `CurveStyle`s, whose colours are not used again. The axis limits do not change.
@@ -59,7 +59,7 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) ->
 def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed time histories, a panel for each.
 
-    `courses` are results of `gearlib.studies.measured.time_history_harmonics`. Each has time
+    `courses` are results of `gearlib.studies.measured.compare_time_histories`. Each has time
     histories (dimension "course") of some measured quantities ("observable"), with samples `point`
     at the mesh phases `point_phase`. `colours` maps names of damping combinations, for which the
     histories were computed, to colours; others get colours of the palette.
@@ -91,7 +91,7 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
 def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed amplitudes of mesh orders, one panel for each order.
 
-    `orders` are results of `gearlib.studies.measured.run_up_orders`: amplitudes over run-ups
+    `orders` are results of `gearlib.studies.measured.compare_run_ups`: amplitudes over run-ups
     ("track"), measured quantities ("observable") and the orders z, 2z, ... of a gear with z teeth,
     which are the columns of the figure. `colours` maps names of damping combinations to colours.
     Levels are in dB relative to the largest amplitude, so that they do not depend on the sensor

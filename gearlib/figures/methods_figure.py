@@ -279,10 +279,10 @@ def classify_stability(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarra
 def draw_stability(chart: xr.Dataset):
     """Return a figure with a map of verdicts on the stability that each method computes.
 
-    `chart` is a result of `gearlib.studies.trials.stability_of_methods.compute`. The maps are over
-    the tuning (mesh frequency over natural frequency) and the steps per mesh period; the panel
-    below shows the exact spectral radius (growth of a perturbation per mesh period). The dashed
-    line is the stability limit of the classical Runge-Kutta method at the maximum stiffness.
+    `chart` is a result of `gearlib.studies.trials.stability_of_methods.compute_spectral_radii`. The
+    maps are over the tuning (mesh frequency over natural frequency) and the steps per mesh period;
+    the panel below shows the exact spectral radius (growth of a perturbation per mesh period). The
+    dashed line is the stability limit of the classical Runge-Kutta method at the maximum stiffness.
     """
     rows = math.ceil(chart.sizes["method"] / 2)
     figure = style.page_figure(_MAP_HEIGHT * rows + _LOWER_HEIGHT)

@@ -200,7 +200,7 @@ cost: components of the state advanced per mesh period"""
 def draw_models(comparisons: list[xr.Dataset], scenes: list[str]):
     """Return a figure of model errors: how much results change if a larger model is used.
 
-    `comparisons` are results of `gearlib.studies.scenes.compare`, one for each set of runs
+    `comparisons` are results of `gearlib.studies.scenes.compare_models`, one for each set of runs
     ("scene"); `scenes` are the names of these sets. Each has a panel with a bar for each model: the
     largest change of an observable, such as the largest displacement. The bar of the chosen model
     is filled. If rounding errors make a motion irreproducible, bars show medians over initial

@@ -251,8 +251,8 @@ def _draw_circles(axes, measured: xr.Dataset, colours: dict):
     """Draw circles coloured by level on the mesh orders of a measured order map.
 
     Mesh orders are the multiples of the number of teeth. `measured` has variables of
-    `_convert_to_decibels`: levels in dB over speed ("rpm") and order. `colours` has the entries cmap, vmin
-    and vmax, the last two in dB. At most `MAX_CIRCLES` circles are drawn on each order.
+    `_convert_to_decibels`: levels in dB over speed ("rpm") and order. `colours` has the entries
+    cmap, vmin and vmax, the last two in dB. At most `MAX_CIRCLES` circles are drawn on each order.
     """
     block_step = max(1, math.ceil(measured.sizes["time"] / MAX_CIRCLES))
     blocks = measured.isel(time=slice(None, None, block_step))
@@ -293,8 +293,8 @@ def _draw_mesh_orders(axes, data: xr.Dataset):
     """Draw labelled lines at mesh orders and their subharmonic, and dotted lines at sidebands.
 
     Mesh orders are the multiples of z, the number of teeth (`teeth` of `data`), and z/2 is the
-    subharmonic. `data` is an order map of `_convert_to_decibels`, whose `scale` is the height over the
-    order. Lines need only their ends and the point of the lowest speed, where they may bend.
+    subharmonic. `data` is an order map of `_convert_to_decibels`, whose `scale` is the height over
+    the order. Lines need only their ends and the point of the lowest speed, where they may bend.
     """
     slowest = int(np.abs(data.rpm).argmin("time"))
     teeth, ends = float(data.teeth), data.isel(time=sorted({0, slowest, data.sizes["time"] - 1}))

@@ -11,8 +11,8 @@ def draw(lags: xr.Dataset):
 
     Bars show the lags of all harmonics at one tuning (mesh frequency over natural frequency), the
     lower panel the lag of the first harmonic over the tuning. `lags` is a result of
-    `gearlib.studies.paper.phase_lag`. Panels on the left show stiffness and motion over a mesh
-    period at the same tuning as the bars.
+    `gearlib.studies.paper.compute_phase_lag`. Panels on the left show stiffness and motion over a
+    mesh period at the same tuning as the bars.
     """
     figure = style.page_figure(height=6.4)
     mosaic = [["stiffness", "bars"], ["motion", "bars"], ["tuning", "tuning"]]

@@ -53,7 +53,8 @@ def create_curves(datasets: Sequence, labels, names, *, dim, caller, source) -> 
     damping. Labels leave out properties that all curves have in common. Error messages name
     `caller`, a function of `gearlib.plot`, and `source`, a function of `gearlib`.
     """
-    # Without datasets, None makes `require_variables` raise an error that names the missing variable.
+    # Without datasets, None makes `require_variables` raise an error that names the missing
+    # variable.
     for dataset in datasets or [None]:
         require_variables(caller, dataset, names, source, dim)
     if labels is not None:

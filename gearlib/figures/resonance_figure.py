@@ -344,10 +344,10 @@ _UNIT_HEIGHT = 2.3
 def draw_nonlinear_damping(studies: list[xr.Dataset]):
     """Return a figure of nonlinear damping: resonance sweeps above, phase planes below.
 
-    `studies` are results of `gearlib.studies.nonlinear_damping.damping_study`, one for each power
-    of the velocity in the damping force, and each location (`place`) of the damping, "material" or
-    "oil". Each location has a column, each of the tunings `shown` (mesh frequency over natural
-    frequency) a row of phase planes.
+    `studies` are results of `gearlib.studies.nonlinear_damping.compute_damping_study`, one for each
+    power of the velocity in the damping force, and each location (`place`) of the damping,
+    "material" or "oil". Each location has a column, each of the tunings `shown` (mesh frequency
+    over natural frequency) a row of phase planes.
     """
     damping_locations = list(dict.fromkeys(study.place.item() for study in studies))
     tunings = studies[0].shown.values

@@ -13,7 +13,7 @@ from gearlib import checks, parameters
 from gearlib.figures import style
 from gearlib.parameters import Angle
 
-#: Contact code of `gearlib.engines.codes` -> marker of a mesh, whether it is filled, description.
+#: Contact state of `gearlib.engines.codes` -> marker of a mesh, whether it is filled, description.
 CONTACTS = {
     1: ("o", True, ""),
     0: ("o", False, "open: out of contact"),
@@ -104,7 +104,7 @@ def draw_schematic(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, cont
     """Draw a gear train in axes at a phase (rad) of the reference mesh.
 
     `layout` is a result of `GearTrain.layout`. `colours` maps mesh names to colours; with None they
-    come from `style.curve_styles`. `contact` has the contact code of each mesh, 1 (drive side), 0
+    come from `style.curve_styles`. `contact` has the contact state of each mesh, 1 (drive side), 0
     (no contact) or -1 (coast side); with None all meshes are drawn in contact. `title` has the
     first lines of the title.
     """
@@ -163,7 +163,7 @@ def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[
 def contact_notes(layout: xr.Dataset, codes: list[int]) -> list[str]:
     """Return text lines that explain contact markers and report inconsistent positions.
 
-    `codes` are the contact codes of the meshes (1 drive side, 0 no contact, -1 coast side), of
+    `codes` are the contact states of the meshes (1 drive side, 0 no contact, -1 coast side), of
     which the last two need an explanation. The variable misfit of `layout`, a result of
     `GearTrain.layout`, is the largest difference, m, between positions of one axis that follow from
     different meshes and shafts.
@@ -177,7 +177,7 @@ def contact_notes(layout: xr.Dataset, codes: list[int]) -> list[str]:
 
 
 def select_phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
-    """Return a phase, rad, and the contact codes of all meshes at this phase, as a pair.
+    """Return a phase, rad, and the contact states of all meshes at this phase, as a pair.
 
     Codes are 1 (drive side), 0 (no contact) and -1 (coast side). `run` is a recorded run or a
     static equilibrium of the train with this `layout`; with None the codes are None. By default the

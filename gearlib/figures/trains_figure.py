@@ -35,7 +35,7 @@ def draw_sweep(curves: xr.Dataset):
     """Return a figure of force ratios and contact loss of all meshes of a train over the speed.
 
     The force ratio of a mesh is its largest over its static force. `curves` is a result of
-    `gearlib.studies.trains.over_speed`. The train is drawn beside the curves.
+    `gearlib.studies.trains.sweep_train`. The train is drawn beside the curves.
     """
     figure = style.page_figure(height=5.2)
     styles = _set_decreasing_widths(panels.plot_options(curves.mesh))
@@ -54,7 +54,7 @@ def draw_sweep(curves: xr.Dataset):
 def draw_reducer(characteristics: xr.Dataset):
     """Return a figure of force ratios and load sharing in a reducer, with a column for each case.
 
-    `characteristics` is a result of `gearlib.studies.trains.reducer`, a train whose parallel
+    `characteristics` is a result of `gearlib.studies.trains.sweep_reducer`, a train whose parallel
     branches, of two stages each, share the power. The force ratio of a mesh is its largest over its
     static force; load sharing is its force over the mean force of the branches. Colours show
     branches. Curves are over the tuning (mesh frequency over natural frequency).
@@ -197,10 +197,10 @@ _INTERSECTIONS = {True: ("excited", "black", 3.5), False: ("not excited", "white
 def draw_campbell(diagram: xr.Dataset):
     """Return a Campbell diagram (natural and mesh frequencies over speed) of a gear train.
 
-    `diagram` is a result of `gearlib.studies.trains.campbell`; `mesh_rate` is the ratio of each
-    mesh frequency to the frequency of the reference mesh. Speeds at which a mesh loses contact in a
-    sweep are marked by a broad line behind its mesh frequency. The train is drawn beside the
-    diagram.
+    `diagram` is a result of `gearlib.studies.trains.compute_campbell_diagram`; `mesh_rate` is the
+    ratio of each mesh frequency to the frequency of the reference mesh. Speeds at which a mesh
+    loses contact in a sweep are marked by a broad line behind its mesh frequency. The train is
+    drawn beside the diagram.
     """
     figure = style.page_figure(height=4.2)
     # `draw_train` draws the train and returns the rest of the figure.
@@ -241,10 +241,11 @@ def mesh_frequency_per_speed(diagram: xr.Dataset) -> float:
 def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
     """Draw natural frequencies, lines of mesh frequencies and their intersections over the speed.
 
-    Return legend handles. `diagram` is a result of `gearlib.studies.trains.campbell` or
-    `GearTrain.campbell`; `stop` is the upper limit of the speed, rpm. An order is the ratio of an
-    exciting frequency to the frequency of the reference mesh. Mesh frequencies are solid, their
-    multiples dashed lines. Filled circles are intersections at which the meshes excite the mode.
+    Return legend handles. `diagram` is a result of
+    `gearlib.studies.trains.compute_campbell_diagram` or `GearTrain.campbell`; `stop` is the upper
+    limit of the speed, rpm. An order is the ratio of an exciting frequency to the frequency of the
+    reference mesh. Mesh frequencies are solid, their multiples dashed lines. Filled circles are
+    intersections at which the meshes excite the mode.
     """
     frequency_per_speed = mesh_frequency_per_speed(diagram)
     natural_frequencies = 1e-3 * diagram.natural_frequency.values

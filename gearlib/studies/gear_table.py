@@ -110,17 +110,19 @@ def gear_quantities(
     pinion_clearance, wheel_clearance = mesh.clearances
     gears = {"pinion": (mesh.pinion, pinion_clearance), "wheel": (mesh.wheel, wheel_clearance)}
     rows = [
-        *_quantities(_GEAR_QUANTITIES, gears),
-        *_quantities(_MESH_QUANTITIES, {"mesh": (mesh, next(iter(pairs.values())))}),
-        *_quantities(_STIFFNESS_QUANTITIES, {method: (pair,) for method, pair in pairs.items()}),
+        *_evaluate_quantities(_GEAR_QUANTITIES, gears),
+        *_evaluate_quantities(_MESH_QUANTITIES, {"mesh": (mesh, next(iter(pairs.values())))}),
+        *_evaluate_quantities(
+            _STIFFNESS_QUANTITIES, {method: (pair,) for method, pair in pairs.items()}
+        ),
     ]
     uncertainties = {method: 100.0 * UNCERTAINTY[method] for method in pairs}
     sources = "; ".join(f"{method}: {SOURCES[method]}" for method in pairs)
-    meaning = f"of the stiffness; {sources}{_note_on_ranges(pairs)}"
+    meaning = f"of the stiffness; {sources}{_describe_contradiction(pairs)}"
     return [*rows, Quantity("uncertainty", "%", uncertainties, meaning)]
 
 
-def _note_on_ranges(pairs: dict[str, GearPair]) -> str:
+def _describe_contradiction(pairs: dict[str, GearPair]) -> str:
     """Return a note for the table if the methods contradict each other, else "".
 
     They do if the ranges of the mean stiffness, each the mean with its `UNCERTAINTY`, do not
@@ -135,7 +137,9 @@ def _note_on_ranges(pairs: dict[str, GearPair]) -> str:
     return f". The means differ by the factor {ratio:.3g}: these ranges do not overlap"
 
 
-def _quantities(definitions: Iterable[tuple], arguments: dict[str, tuple]) -> list[Quantity]:
+def _evaluate_quantities(
+    definitions: Iterable[tuple], arguments: dict[str, tuple]
+) -> list[Quantity]:
     """Evaluate the functions of several quantities, and return a `Quantity` for each of them.
 
     A definition is (name, unit, meaning, function). `arguments` maps the owner of a value, such as
@@ -148,7 +152,7 @@ def _quantities(definitions: Iterable[tuple], arguments: dict[str, tuple]) -> li
     return quantities
 
 
-def cells(quantities: Iterable[Quantity]) -> Iterator[list]:
+def quantity_rows(quantities: Iterable[Quantity]) -> Iterator[list]:
     """Yield the names of the columns of a table, then a row for each value of each quantity.
 
     A quantity may have several values. The column "of" names the owner of a value: a gear, the mesh
@@ -160,7 +164,7 @@ def cells(quantities: Iterable[Quantity]) -> Iterator[list]:
             yield [quantity.name, owner, value, quantity.unit, quantity.meaning]
 
 
-def rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
+def table_rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
     """Yield the rows of the table of a configuration: the names of the columns, then the values.
 
     The values are those of two gears or of a pair, then those of its damping combinations. `pairs`
@@ -176,17 +180,19 @@ def rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
     else:
         pair_argument = next(iter(models.values()))
         definitions = (*_PAIR_QUANTITIES, *_STIFFNESS_QUANTITIES)
-        quantities = _quantities(definitions, {"pair": pair_argument})
+        quantities = _evaluate_quantities(definitions, {"pair": pair_argument})
     quantities = [quantity for quantity in quantities if quantity.name not in _DAMPING_NAMES]
     # The first item of an entry is the name of the quantity.
     dampings = [entry for entry in _STIFFNESS_QUANTITIES if entry[0] in _DAMPING_NAMES]
-    header, *body = cells([*quantities, *_quantities(dampings, models)])
+    header, *body = quantity_rows([*quantities, *_evaluate_quantities(dampings, models)])
     yield header
     for name, owner, value, unit, meaning in body:
         yield [name, owner, f"{value:.6g}", unit, meaning]
 
 
-def duty_rows(model: Any, speed: float, torque: float, stiffness_model: str) -> Iterator[Quantity]:
+def duty_point_rows(
+    model: Any, speed: float, torque: float, stiffness_model: str
+) -> Iterator[Quantity]:
     """Yield the dynamic quantities of two gears at a duty point, that is a speed and a torque.
 
     `model` is a `LoadSharingPair`, which gives gears, damping and stiffness method; `speed` is in

@@ -57,7 +57,7 @@ class Comparison(NamedTuple):
     calibration: str = "none"  #: what must be calibrated: none, sensor or speed
 
 
-def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
+def read_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
     """Read a measured data set as a curve over speed and tuning, in the units of the model.
 
     The tuning is mesh frequency over natural frequency. `path` is the YAML file of the data set;
@@ -67,10 +67,10 @@ def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
     that describes the data best; the value without sensor errors is (value - offset) / gain.
     """
     measurement = read_measured(path)
-    resonance = _with_orbit_height(resonance)
+    resonance = _add_orbit_height(resonance)
     # A sweep has extrema or other summaries at each speed, a run-up only a time history.
     is_sweep = not set(SWEEP_SCALES).isdisjoint(measurement.data_vars)
-    sweep = measurement if is_sweep else _envelope(measurement)
+    sweep = measurement if is_sweep else _compute_envelope(measurement)
     tuning_rate = float(resonance.tuning[-1] / resonance.speed[-1])
     scalars = [name for name in measurement.data_vars if not measurement[name].dims]
     dataset = measurement[scalars].reset_coords(drop=True)
@@ -89,11 +89,11 @@ def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
             factor = 1.0 / float(resonance[scale]) if has_unit else 1.0
             attrs |= {"units": "1", "noise_std": factor * attrs.get("noise_std", 0.0)}
             dataset[name] = "sample", factor * sweep[name].values, attrs
-            dataset[name].attrs |= _fitted_sensor(dataset, name, resonance)
+            dataset[name].attrs |= _fit_sensor(dataset, name, resonance)
     return dataset.assign_attrs(measurement.attrs | {"tuning_rate": tuning_rate})
 
 
-def _envelope(measurement: xr.Dataset) -> xr.Dataset:
+def _compute_envelope(measurement: xr.Dataset) -> xr.Dataset:
     """Return the extrema of displacement and force in short intervals of a run-up, over speed.
 
     `measurement` has samples over time and speed. The direction of an interval is 1 if the speed
@@ -122,7 +122,7 @@ def _envelope(measurement: xr.Dataset) -> xr.Dataset:
     return envelope
 
 
-def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset) -> dict:
+def _fit_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset) -> dict:
     """Fit gain and offset of a sensor to the computed sweep that describes the data best.
 
     `measured` is a measured curve with the variable `observable`; `resonance` has the computed
@@ -136,8 +136,8 @@ def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset)
     # (mean square, gain, offset); the first entry is the result if nothing is fitted.
     fits = [(math.inf, 1.0, 0.0)]
     for damping in dampings:
-        computed = _values_at_samples(measured, resonance.sel(damping=damping), observable)
-        gain, offset = _line_fit(computed, values, fit_gain, fit_offset)
+        computed = _interpolate_sweeps(measured, resonance.sel(damping=damping), observable)
+        gain, offset = _fit_line(computed, values, fit_gain, fit_offset)
         if gain > 0.0:  # false for NaN, if there are too few samples
             mean_square = np.nanmean((gain * computed + offset - values) ** 2)
             fits.append((mean_square, gain, offset))
@@ -145,7 +145,7 @@ def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset)
     return {"fitted_gain": float(gain), "fitted_offset": float(offset)}
 
 
-def _line_fit(computed, measured, fit_gain: bool = True, fit_offset: bool = True) -> tuple:
+def _fit_line(computed, measured, fit_gain: bool = True, fit_offset: bool = True) -> tuple:
     """Return gain and offset of the least-squares line measured = gain * computed + offset.
 
     `computed` and `measured` have shape (n,). A gain that is not fitted is 1, an offset that is not
@@ -167,7 +167,7 @@ def _line_fit(computed, measured, fit_gain: bool = True, fit_offset: bool = True
     return gain, offset
 
 
-def _values_at_samples(measured, sweeps, observable: str) -> np.ndarray:
+def _interpolate_sweeps(measured, sweeps, observable: str) -> np.ndarray:
     """Return computed values of an observable at the speeds and directions of measured samples.
 
     `measured` is a measured curve, `sweeps` are the computed sweeps with one damping combination.
@@ -185,12 +185,12 @@ def _values_at_samples(measured, sweeps, observable: str) -> np.ndarray:
     return values
 
 
-def _with_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
+def _add_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
     """Return computed sweeps with the additional variable orbit_height."""
     return resonance.assign(orbit_height=resonance.displacement_max - resonance.displacement_min)
 
 
-def time_history_harmonics(path: str, models: Mapping[str, Any], run: dict) -> xr.Dataset:
+def compare_time_histories(path: str, models: Mapping[str, Any], run: dict) -> xr.Dataset:
     """Compute the harmonics of measured time histories and of the settled motions of models.
 
     `path` is the YAML file of the measured data set, `models` maps the name of a damping
@@ -203,7 +203,7 @@ def time_history_harmonics(path: str, models: Mapping[str, Any], run: dict) -> x
     names = [name for name in SI_SCALES if name in measurement]
     teeth = next(iter(models.values())).teeth
     histories = []
-    for condition in _conditions(measurement, constant_speed=True):
+    for condition in _select_conditions(measurement, constant_speed=True):
         speed = float(condition.speed[0])
         if speed <= 0.0:
             continue
@@ -211,15 +211,15 @@ def time_history_harmonics(path: str, models: Mapping[str, Any], run: dict) -> x
         mesh_frequency = math.pi / 30.0 * speed * teeth  # rad/s
         observables = []
         for name in names:
-            computed = [_computed_history(motion, name, run) for motion in motions]
-            measured = _measured_history(condition, name, mesh_frequency)
+            computed = [_analyse_computed_history(motion, name, run) for motion in motions]
+            measured = _fit_measured_history(condition, name, mesh_frequency)
             history = xr.concat(computed, "damping").merge(measured)
             observables.append(history.assign_coords(observable=name))
         histories.append(xr.concat(observables, "observable").assign_coords(speed=speed))
     _require_conditions(histories, path, measurement, "a constant speed > 0")
     dataset = xr.concat(histories, "course").assign_coords(damping=[*models])
     dataset = dataset.assign_coords(harmonic=np.arange(1, _HARMONIC_COUNT + 1))
-    return _with_measurement_attrs(dataset, measurement, names)
+    return _add_measurement_attrs(dataset, measurement, names)
 
 
 def _require_conditions(conditions: list, path: str, measurement: xr.Dataset, allowed: str) -> None:
@@ -233,7 +233,7 @@ def _require_conditions(conditions: list, path: str, measurement: xr.Dataset, al
     checks.require(conditions, f"speed in {path}", interval, f"{allowed} in at least one condition")
 
 
-def _with_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr.Dataset:
+def _add_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr.Dataset:
     """Return a dataset with the attributes of a measured data set and with the unit of the speed.
 
     The additional attribute course_units has the units of the `observables`, which are names of
@@ -244,7 +244,7 @@ def _with_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr
     return dataset.assign_attrs(measurement.attrs | {"course_units": units})
 
 
-def _conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Dataset]:
+def _select_conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Dataset]:
     """Return a list with the samples of each measured condition as a dataset.
 
     A condition is a run of the test rig with its name. Only those with a constant speed are
@@ -263,7 +263,7 @@ def _conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Datase
     return conditions
 
 
-def _computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Dataset:
+def _analyse_computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Dataset:
     """Compute the harmonics of a simulated observable, in SI units, and one mesh period to plot.
 
     `motion` is a result of `gearlib.simulate` with the arguments `run`, `observable` one of its
@@ -296,7 +296,9 @@ def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
     return np.degrees(np.angle(harmonics * np.exp(-1j * numbers * np.angle(harmonics[0]))))
 
 
-def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: float) -> xr.Dataset:
+def _fit_measured_history(
+    condition: xr.Dataset, observable: str, mesh_frequency: float
+) -> xr.Dataset:
     """Fit the harmonics of a measured time history, and select samples to plot.
 
     `condition` has the samples of one measured run, `observable` is one of its variables. Harmonics
@@ -337,7 +339,7 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
     )
 
 
-def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
+def compare_run_ups(path: str, models: Mapping[str, Any]) -> xr.Dataset:
     """Compute amplitudes of multiples of the mesh order in run-ups, measured and computed.
 
     The mesh order is the number of teeth, in periods per revolution; `_MESH_ORDERS` has its
@@ -352,7 +354,7 @@ def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
     teeth = next(iter(models.values())).teeth
     dims = "observable", "order", "block"
     run_ups = []
-    for condition in _conditions(measurement, constant_speed=False):
+    for condition in _select_conditions(measurement, constant_speed=False):
         speed = condition.speed.values
         revolutions = cumulative_trapezoid(speed / 60.0, condition.time.values, initial=0.0)
         interval = f"{np.ptp(condition.time.values):.4g} s"
@@ -360,7 +362,9 @@ def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
         checks.require(revolutions[-1] >= 1.0, f"time in {path}", interval, allowed)
         block_size = max(1, int(revolutions[-1] / _MAX_BLOCKS))
         edges = np.arange(int(revolutions[-1] / block_size) + 1) * block_size
-        measured = [_mesh_orders(condition[name], revolutions, edges, teeth) for name in names]
+        measured = [
+            _mesh_order_amplitudes(condition[name], revolutions, edges, teeth) for name in names
+        ]
         block_speed = np.interp(0.5 * (edges[1:] + edges[:-1]), revolutions, speed)
         measured_run_up = xr.Dataset(
             {"speed": ("block", block_speed), "amplitude": (dims, np.array(measured))},
@@ -369,7 +373,7 @@ def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
         options = {"resolution": 1.0 / block_size, "orders": teeth * _MESH_ORDERS}
         computed = []
         for model in models.values():
-            speed_course = _speed_course(condition)
+            speed_course = _approximate_speed_course(condition)
             run = run_up(model, speed=speed_course, samples_per_period=_SAMPLES_PER_PERIOD)
             maps = [order_map(run, variable=name, **options).amplitude.values.T for name in names]
             blocks = np.arange(maps[0].shape[-1])
@@ -381,10 +385,10 @@ def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
     dataset = xr.concat(run_ups, "track", join="outer")
     dataset = dataset.assign_coords(observable=names, damping=[*models], order=_MESH_ORDERS)
     dataset = dataset.transpose(..., "order", "block")
-    return _with_measurement_attrs(dataset, measurement, names)
+    return _add_measurement_attrs(dataset, measurement, names)
 
 
-def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
+def _mesh_order_amplitudes(history, revolutions, edges, teeth: int) -> np.ndarray:
     """Return the rms amplitudes of the mesh orders of a measured time history, (orders, blocks).
 
     Mesh orders are multiples of the number of `teeth`, in periods per revolution. `history` is a
@@ -406,7 +410,7 @@ def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
     return np.where(complete, amplitude, np.nan)
 
 
-def _speed_course(condition: xr.Dataset) -> list[tuple[float, float]]:
+def _approximate_speed_course(condition: xr.Dataset) -> list[tuple[float, float]]:
     """Approximate a measured speed course by straight lines; return their ends (time in s, rpm).
 
     The ends are means over groups of samples, so that sensor noise does not cause acceleration. The
@@ -423,7 +427,7 @@ def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Ite
     """Yield the rows of a table that compares measured and computed quantities.
 
     `curves`, `courses` (time histories at constant speed) and `orders` (of run-ups) are results of
-    `measured_response_curve`, `time_history_harmonics` and `run_up_orders`, one for each measured
+    `read_response_curve`, `compare_time_histories` and `compare_run_ups`, one for each measured
     data set; `resonance` has the computed sweeps. After the names of the columns, each row compares
     a quantity of one data set with one damping combination. "set" is the title of the data set,
     "calibration" tells which calibration the comparison requires, and "deviations" is the
@@ -431,20 +435,20 @@ def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Ite
     """
     header = ["set", "quantity", "calibration", "damping", "measured", "standard_deviation"]
     yield [*header, "computed", "difference", "deviations"]
-    resonance = _with_orbit_height(resonance)
+    resonance = _add_orbit_height(resonance)
     for dataset in (*curves, *courses, *orders):
         for damping in resonance.damping.values:
             if "track" in dataset.dims:
                 comparisons = _compare_orders(dataset.sel(damping=damping))
             elif "course" in dataset.dims:
-                comparisons = _compare_time_histories(dataset.sel(damping=damping))
+                comparisons = _compare_harmonics(dataset.sel(damping=damping))
             else:
                 comparisons = _compare_curve(dataset, resonance.sel(damping=damping))
             for comparison in comparisons:
-                yield _row(dataset.attrs["title"], str(damping), comparison)
+                yield _comparison_row(dataset.attrs["title"], str(damping), comparison)
 
 
-def _row(title: str, damping: str, comparison: Comparison) -> list:
+def _comparison_row(title: str, damping: str, comparison: Comparison) -> list:
     """Return the table row for a comparison of a measured data set with one damping combination.
 
     `title` is the title of the data set, `damping` the name of the combination. Values that are NaN
@@ -475,11 +479,11 @@ def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Compari
     if len(jumps) == 2:
         measured_down, computed_down = jumps["down"]
         measured_up, computed_up = jumps["up"]
-        measured_ratio = _ratio(measured_down, measured_up)
-        computed_ratio = _ratio(computed_down, computed_up)
+        measured_ratio = _ratio_of_estimates(measured_down, measured_up)
+        computed_ratio = _ratio_of_estimates(computed_down, computed_up)
         yield Comparison("jump down over jump up", measured_ratio, computed_ratio)
     if observable and "direction" in measured.coords:
-        computed = _values_at_samples(measured, sweeps, observable)
+        computed = _interpolate_sweeps(measured, sweeps, observable)
         # The peaks of the smallest displacement are minima.
         sign = -1.0 if observable == "displacement_min" else 1.0
         noise = measured[observable].attrs["noise_std"] or math.nan
@@ -490,14 +494,14 @@ def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Compari
             yield Comparison(f"highest {observable} down over up", measured_ratio, computed_ratio)
     for name in SWEEP_SCALES:
         if name in measured:
-            yield from _misfits(measured, sweeps, name)
+            yield from _compare_shapes(measured, sweeps, name)
     for direction, (speed, model_speed) in jumps.items():
         quantity = f"jump {direction}"
         yield Comparison(quantity, speed, model_speed, unit="min-1", calibration="speed")
     onset = _measured_speed(measured, "onset_of_contact_loss")
     if math.isfinite(onset[0]):
         quantity = "onset of contact loss"
-        computed_onset = _computed_onset(sweeps)
+        computed_onset = _find_computed_onset(sweeps)
         yield Comparison(quantity, onset, computed_onset, unit="min-1", calibration="speed")
 
 
@@ -514,12 +518,12 @@ def _compare_jumps(measured, sweeps, observable: str | None) -> dict[str, tuple]
         speed = _measured_speed(measured, f"jump_{direction}")
         if observable and "direction" in measured.coords and not math.isfinite(speed[0]):
             sweep = measured.isel(sample=measured.direction.values == code)
-            speed = jump(sweep.speed.values, sweep[observable].values)
+            speed = find_jump(sweep.speed.values, sweep[observable].values)
         if math.isfinite(speed[0]):
             computed = _UNKNOWN
             if direction in sweeps.direction.values:
                 sweep = sweeps.sel(direction=direction)
-                computed = jump(sweep.speed.values, sweep[observable or "orbit_height"].values)
+                computed = find_jump(sweep.speed.values, sweep[observable or "orbit_height"].values)
             jumps[direction] = speed, computed
     return jumps
 
@@ -534,7 +538,7 @@ def _measured_speed(measured: xr.Dataset, name: str) -> Estimate:
     return float(measured[name]), measured[name].attrs.get("noise_std", 0.0) or math.nan
 
 
-def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
+def find_jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
     """Find the speed at which a curve jumps, and its standard deviation, NaN without a jump.
 
     The curve has `values` of an observable at `speeds`, in any order; NaN values are ignored. A
@@ -557,7 +561,7 @@ def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
     return speeds[i : i + 2].mean(), max(speeds[i + 1] - speeds[i], 1e-300) / math.sqrt(12.0)
 
 
-def _ratio(numerator: Estimate, denominator: Estimate) -> Estimate:
+def _ratio_of_estimates(numerator: Estimate, denominator: Estimate) -> Estimate:
     """Return the ratio of two estimates, and its standard deviation by propagation of errors.
 
     An estimate is a value and its standard deviation.
@@ -579,10 +583,10 @@ def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) ->
         return _UNKNOWN
     median = np.nanmedian(np.concatenate([down, up]))
     peaks = [(float(np.nanmax(sweep)) - median, deviation) for sweep in (down, up)]
-    return _ratio(*peaks)
+    return _ratio_of_estimates(*peaks)
 
 
-def _misfits(measured, sweeps, observable: str) -> Iterator[Comparison]:
+def _compare_shapes(measured, sweeps, observable: str) -> Iterator[Comparison]:
     """Yield the misfit: the rms difference of a measured curve and sweeps over the measured range.
 
     `sweeps` are the computed sweeps with one damping combination. Gain and offset of the sensor are
@@ -590,8 +594,8 @@ def _misfits(measured, sweeps, observable: str) -> Iterator[Comparison]:
     measured estimate is NaN, with the noise of the sensor as its standard deviation.
     """
     values = measured[observable].values
-    computed = _values_at_samples(measured, sweeps, observable)
-    gain, offset = _line_fit(computed, values)
+    computed = _interpolate_sweeps(measured, sweeps, observable)
+    gain, offset = _fit_line(computed, values)
     if not math.isfinite(gain):
         return
     attrs, value_range = measured[observable].attrs, float(np.nanmax(values) - np.nanmin(values))
@@ -605,7 +609,7 @@ def _misfits(measured, sweeps, observable: str) -> Iterator[Comparison]:
         yield Comparison(quantity, measured_estimate, (rms, math.nan), calibration=calibration)
 
 
-def _computed_onset(sweeps: xr.Dataset) -> Estimate:
+def _find_computed_onset(sweeps: xr.Dataset) -> Estimate:
     """Return the speed of the first contact loss in an upward sweep, and its standard deviation.
 
     `sweeps` are the computed sweeps with one damping combination. Both values are NaN if contact is
@@ -624,7 +628,7 @@ def _computed_onset(sweeps: xr.Dataset) -> Estimate:
 
 
 def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of the mesh orders of run-ups, a result of `run_up_orders`.
+    """Yield the comparisons of the mesh orders of run-ups, a result of `compare_run_ups`.
 
     In the names of quantities z is the mesh order, that is the number of teeth, and 2z twice this
     order. Standard deviations are not known (NaN).
@@ -648,10 +652,10 @@ def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
         yield Comparison(quantity, measured, computed, unit="min-1", calibration="speed")
 
 
-def _compare_time_histories(histories: xr.Dataset) -> Iterator[Comparison]:
+def _compare_harmonics(histories: xr.Dataset) -> Iterator[Comparison]:
     """Yield comparisons of measured and computed harmonics of time histories at constant speed.
 
-    `histories` is a result of `time_history_harmonics` for one damping combination. Amplitudes are
+    `histories` is a result of `compare_time_histories` for one damping combination. Amplitudes are
     compared as ratios to the first harmonic, phases relative to that of the first harmonic, so that
     neither the calibration nor the phase of the shaft matters.
     """
@@ -663,7 +667,10 @@ def _compare_time_histories(histories: xr.Dataset) -> Iterator[Comparison]:
         measured = [*zip(history.amplitude.values, history.amplitude_std.values, strict=True)]
         computed = [(amplitude, 0.0) for amplitude in history.computed_amplitude.values]
         for k in range(1, history.sizes["harmonic"]):
-            ratios = _ratio(measured[k], measured[0]), _ratio(computed[k], computed[0])
+            ratios = (
+                _ratio_of_estimates(measured[k], measured[0]),
+                _ratio_of_estimates(computed[k], computed[0]),
+            )
             yield Comparison(f"harmonic {k + 1} over the first {where}", *ratios)
             phase = float(history.shape_phase[k]), float(history.shape_phase_std[k])
             computed_phase = float(history.computed_shape_phase[k])

@@ -17,7 +17,7 @@ from gearlib.uncertainty.scatter import sobol_indices
 _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)
 
 
-def nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair | StageDesign:
+def build_nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair | StageDesign:
     """Return the design whose parameters scatter: a `GearPair`, or gears given by their geometry.
 
     `gears` has the keys of the geometry of two gears, torque (N m) and the stiffness method; their
@@ -36,34 +36,34 @@ def nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair | Stag
     )
 
 
-def scatter_of_shard(
+def compute_scatter_shard(
     *, pair: GearPair, tolerances: dict, samples: int, shard: str, threads, gears=None, **settings
 ) -> xr.Dataset:
     """Compute a part (shard) of the random designs of `gearlib.scatter`.
 
     `samples` is the number of all random designs. `shard` is a string such as "0-100", the index of
     the first design of the part and the index after its last one. `pair` and `gears` are arguments
-    of `nominal_design`, `tolerances` maps parameters to their distributions, `threads` is the
+    of `build_nominal_design`, `tolerances` maps parameters to their distributions, `threads` is the
     number of threads, and `settings` are further arguments of `gearlib.scatter`.
     """
     start, stop = map(int, shard.split("-"))
-    design = nominal_design(pair, gears)
+    design = build_nominal_design(pair, gears)
     return scatter_shard(design, tolerances, samples, start, stop, threads=threads, **settings)
 
 
-def sobol_indices_of_design(
+def compute_sobol_indices(
     *, pair: GearPair, tolerances: dict, samples: int, gears: dict | None = None, **settings: Any
 ) -> xr.Dataset:
     """Compute Sobol' indices, the shares of each tolerance in the variance of a result.
 
-    `pair` and `gears` are arguments of `nominal_design`, `tolerances` maps parameters to their
-    distributions. `samples` is the number of samples, a power of 2, each of which takes several
-    designs. `settings` are further arguments of `gearlib.sobol_indices`.
+    `pair` and `gears` are arguments of `build_nominal_design`, `tolerances` maps parameters to
+    their distributions. `samples` is the number of samples, a power of 2, each of which takes
+    several designs. `settings` are further arguments of `gearlib.sobol_indices`.
     """
-    return sobol_indices(nominal_design(pair, gears), tolerances, n=samples, **settings)
+    return sobol_indices(build_nominal_design(pair, gears), tolerances, n=samples, **settings)
 
 
-def rows(scattered: xr.Dataset) -> Iterator[list]:
+def table_rows(scattered: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of scattering quantities: the names of the columns, then values.
 
     `scattered` is a dataset of `gearlib.scatter` over random designs; each of its quantities has a

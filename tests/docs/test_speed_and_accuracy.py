@@ -46,7 +46,7 @@ def test_event_locating_methods_stay_exact_and_fixed_steps_lose_their_order():
 
 
 def test_listed_problems_and_methods_match_the_code():
-    names = list(difficult_problems.problems())
+    names = list(difficult_problems.build_problems())
     assert [*FAILURES.problem] == names
     assert sorted(" ".join(evidence.DIFFICULTIES.values()).split()) == sorted(names)
     assert [*FAILURES.columns[1:]] == [trial.name for trial in SETTINGS.failures.trials]

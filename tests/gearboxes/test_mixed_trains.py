@@ -11,7 +11,7 @@ import gearlib
 from gearlib import config
 from gearlib.cli import gearbox_report, main
 from gearlib.geometry import GearStage, ParallelStage, SpurGear, planetary_set
-from gearlib.models.from_values import model
+from gearlib.models.from_values import build_model
 from gearlib.studies import gearboxes
 
 from .rexs_files import planetary, two_stages
@@ -123,7 +123,7 @@ def test_a_configuration_gives_the_same_train_as_python():
     }
     with open("config.yaml", encoding="utf-8") as file:
         settings = config.load(config.overlay(yaml.safe_load(file), {"train": section}))
-    train = model(settings.gears_model(next(iter(settings.dampings)), "train"))
+    train = build_model(settings.model_description(next(iter(settings.dampings)), "train"))
     expected = mixed_train()
     assert train.mesh_names == expected.mesh_names
     np.testing.assert_allclose(
@@ -198,25 +198,25 @@ def test_the_command_prints_a_gearbox_and_starts_a_project(tmp_path):
 def test_studies_cover_both_load_cases_of_a_gearbox(tmp_path):
     """Tables must have rows for each load case and the largest factors in the summary."""
     path = str(two_stages().write(tmp_path / "box.rexs"))
-    stages, boxes, reasons = gearboxes.jobs(path)
+    stages, boxes, reasons = gearboxes.list_computations(path)
     assert len(stages) == 4 and boxes == ["1", "2"] and not reasons
-    curves = [gearboxes.stage_over_speed(path, *job, 0.05, 5) for job in stages]
+    curves = [gearboxes.sweep_stage(path, *job, 0.05, 5) for job in stages]
     assert float(curves[0].operating_speed) in curves[0].speed.values
     header, *rows = gearboxes.stage_rows(curves, path)
     assert [row[1] for row in rows] == ["1", "1", "2", "2", "all", "all"]
     columns = dict(zip(header, zip(*rows, strict=True), strict=True))
     factors = list(map(float, columns["dynamic_factor"]))
     assert factors[4] == max(factors[0], factors[2]) and factors[5] == max(factors[1], factors[3])
-    box = gearboxes.whole_box(path, "1", 0.05, 2)
+    box = gearboxes.analyse_gearbox(path, "1", 0.05, 2)
     energies = box.mode_strain_energy.sum("mesh") + box.mode_shaft_energy.sum("shaft")
     np.testing.assert_allclose(energies.values[1:], 1.0, rtol=1e-9)
-    rows = list(gearboxes.box_rows([box]))
+    rows = list(gearboxes.gearbox_rows([box]))
     assert ["1", "Stufe 1", "mesh frequency, order 21", "525", "Hz"] in rows
 
 
 def test_equal_meshes_of_planets_are_computed_once(tmp_path):
     path = str(planetary().write(tmp_path / "box.rexsj"))
-    names = [name for name, _ in gearboxes.jobs(path)[0]]
+    names = [name for name, _ in gearboxes.list_computations(path)[0]]
     assert names == ["Sonne-Planet 0", "Planet-Hohlrad 0", "Stirnradstufe"]
 
 
@@ -230,7 +230,7 @@ def test_the_summary_row_lists_all_jumps_and_the_speed_of_the_largest_factor():
     """Replace factors and jump speeds of both load cases by made-up ones."""
     path, stages = "gallery/two_stage.rexs", []
     for case, factor, jumps in (("1", 2.0, [900.0, 1100.0]), ("2", 3.0, [1000.0])):
-        data = gearboxes.stage_over_speed(path, "Stufe 1", case, 0.05, 3)
+        data = gearboxes.sweep_stage(path, "Stufe 1", case, 0.05, 3)
         made_up_values = {"dynamic_factor": data.dynamic_factor * 0.0 + 1.0}
         made_up_values["dynamic_factor"][dict(tuning=0 if case == "2" else -1)] = factor
         made_up_values["jump_up_speed"] = "jump", jumps

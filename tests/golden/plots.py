@@ -128,7 +128,7 @@ def measured_orders():
     pairs = {"true": PAPER_PAIR, "damped": PAPER_PAIR.replace(material_damping=8e3)}
     with tempfile.TemporaryDirectory() as folder:
         path = _write_set(folder, rig, columns)
-        orders = study.run_up_orders(path, pairs)
+        orders = study.compare_run_ups(path, pairs)
     return measured_figure.draw_orders([orders], colours={"true": "#AA3377"})
 
 
@@ -142,7 +142,7 @@ def measured_courses():
     span = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
     with tempfile.TemporaryDirectory() as folder:
         path = _write_set(folder, data, columns, conditions={"one": speed})
-        courses = study.time_history_harmonics(path, {"true": PAPER_PAIR}, span)
+        courses = study.compare_time_histories(path, {"true": PAPER_PAIR}, span)
     return measured_figure.draw_courses([courses])
 
 

@@ -66,7 +66,7 @@ def test_an_orbit_labelled_grazing_just_touches_the_flank_line(start, to):
 def test_period_doublings_lie_at_the_edges_of_the_tongue():
     """The undamped orbit without contact loss is unstable exactly inside Meissner's tongue 3."""
     branch = undamped_branch(0.64, 0.69)
-    tongue = meissner.tongue(meissner.equation_of(PAPER_PAIR), order=3)
+    tongue = meissner.find_tongue(meissner.equation_of_pair(PAPER_PAIR), order=3)
     edges = tongue.start, tongue.stop
     np.testing.assert_allclose(
         labelled_values(branch, DOUBLING), edges, rtol=0, atol=TUNING_TOLERANCE

@@ -8,7 +8,7 @@ from gearlib.models.pair import GearPair
 from gearlib.studies.trials import difficult_problems, failures
 from tests.references import propagate_pair
 
-PROBLEMS = difficult_problems.problems()
+PROBLEMS = difficult_problems.build_problems()
 #: Problems of linear gear pairs that are quickly solved in 50 digits.
 LINEAR = [
     name
@@ -51,9 +51,9 @@ def test_taylor_steps_are_right_where_the_exact_method_refuses_the_model():
     problems = [problem for problem in PROBLEMS.values() if not exact.supports(problem.model)]
     assert len(problems) == 3
     for problem in problems:
-        outcome = failures.try_method(problem, "taylor", {})
+        outcome = failures.judge_run(problem, "taylor", {})
         assert failures.VERDICTS[outcome["verdict"]] == "right" and outcome["error"] < 1e-6
-        outcome = failures.try_method(problem, "exact", {})
+        outcome = failures.judge_run(problem, "exact", {})
         assert failures.VERDICTS[outcome["verdict"]] == "refused"
         assert outcome["message"].startswith("method = 'exact' is not allowed for this")
 
@@ -63,5 +63,5 @@ def test_scipy_misses_a_double_crossing_within_a_step_at_any_tolerance(rtol, eve
     """A flank line that is crossed twice within one step of scipy must give a missed event."""
     # A terminal event does not help either: its sign is evaluated at the ends of steps.
     options = {"solver": "DOP853", "rtol": rtol, "atol": rtol, "events": events}
-    outcome = failures.try_method(PROBLEMS["double_crossing"], "scipy", options)
+    outcome = failures.judge_run(PROBLEMS["double_crossing"], "scipy", options)
     assert failures.VERDICTS[outcome["verdict"]] == "missed_event"

@@ -7,7 +7,7 @@ import pytest
 
 import gearlib
 from gearlib import OneDegreePair, harmonic_balance, periodic_orbit, schmidt
-from gearlib.analysis.harmonics.solution import errors, exact_motion
+from gearlib.analysis.harmonics.solution import compare_with_orbit, simulate_orbit
 from tests.paper import PAPER_PAIR as FREE
 
 MATERIAL = FREE.replace(material_damping=3953.7)
@@ -49,7 +49,7 @@ def test_motion_at_constant_stiffness_matches_the_closed_form():
 def test_orbits_events_and_multipliers_match_exact_orbits(solver, pair, nu):
     """Compare truncated Fourier series with orbits that are exact between contact events."""
     result = solver(pair, nu, harmonics=64)
-    solution_errors = errors(result)
+    solution_errors = compare_with_orbit(result)
     # The jump of the acceleration costs truncated series of h = 64 harmonics 0.25 / h^2 of the
     # displacement and 0.5 / h of dx/dtau; the bounds are about twice as large. Phases of crossings
     # and multipliers are as accurate as the displacement.
@@ -73,9 +73,9 @@ def test_orbits_that_reach_the_coast_flank_match_exact_orbits():
     )
     orbit = periodic_orbit(MATERIAL, 0.66, guess=curve.final_state.values[0])
     assert orbit.pattern == (0, -1, 0, 1, 0)
-    guess = exact_motion(orbit, 512)[0]
+    guess = simulate_orbit(orbit, 512)[0]
     for solver in (harmonic_balance, schmidt):
-        solution_errors = errors(solver(MATERIAL, 0.66, harmonics=64, guess=guess), orbit)
+        solution_errors = compare_with_orbit(solver(MATERIAL, 0.66, harmonics=64, guess=guess), orbit)
         assert (
             solution_errors.displacement < 3e-4
             and solution_errors.event < 1e-4

@@ -9,8 +9,8 @@ import gearlib
 from gearlib import GearPair, OneDegreePair, basins, periodic_orbit, simulate, sweep
 from gearlib.analysis.global_dynamics.attractors import CHAOTIC, PERIODIC, UNBOUNDED, UNDECIDED
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
-from gearlib.engines.pair.motion import mesh_at_tuning
-from gearlib.engines.pair.propagator import ratios
+from gearlib.engines.pair.motion import pair_constants_at_tuning
+from gearlib.engines.pair.propagator import dimensionless_parameters
 from tests.paper import PAPER_PAIR
 from tests.unit.test_whole_periods import event_by_event
 
@@ -47,7 +47,7 @@ def test_basins_match_runs_event_by_event(pair, tuning, periods):
     result = basins(pair, tuning, grid(17))
     states = np.stack(np.meshgrid(result.displacement, result.velocity, indexing="ij"), axis=-1)
     # After 600 periods all runs are settled: the slowest orbit attracts by exp(-0.03) per period.
-    scaled_mesh = mesh_at_tuning(ratios(pair), tuning)
+    scaled_mesh = pair_constants_at_tuning(dimensionless_parameters(pair), tuning)
     final_states = np.array(
         [event_by_event(scaled_mesh, x, v, 600)[1:] for x, v in states.reshape(-1, 2)]
     )

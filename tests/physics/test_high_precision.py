@@ -34,7 +34,7 @@ def exact_number(value):
 def test_linear_high_precision_runs_match_closed_forms(changes, tuning, state):
     """Compare runs in 50 digits with closed forms of the linear motions between events."""
     pair = GearPair.from_ratios(**(RATIOS | changes))
-    end, phases, contacts = references.precise_run(pair, tuning, periods=6, digits=50, state=state)
+    end, phases, contacts = references.run_precisely(pair, tuning, periods=6, digits=50, state=state)
     (x, v), *events = propagate_pair(pair, tuning, periods=6, state=state)
     assert [*map(tuple, contacts.tolist())] == [event[1:3] for event in events]
     assert max(abs(exact_number(a) - b) for a, b in zip(end, (x, v), strict=True)) < DIGITS
@@ -62,7 +62,7 @@ def test_high_precision_runs_with_cubic_damping_match_the_independent_program():
         # `move` integrates the equations with the code of `tests.independent`.
         tuning, periods, state = 0.75, 2, (0.0, -1.0)
         reference = move(describe(model), tuning, periods, state, context=mpmath.mp)
-        end, _, contacts = references.precise_run(model, tuning, periods, digits=36, state=state)
+        end, _, contacts = references.run_precisely(model, tuning, periods, digits=36, state=state)
         events = [[event.before, event.after] for event in reference.events]
         assert contacts.tolist() == events and events
         components = zip(end, reference.mesh_state(), strict=True)

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from gearlib import config, duty_point
 from gearlib.cli import main
-from gearlib.models.from_values import model
+from gearlib.models.from_values import build_model
 from gearlib.studies import paper
 
 DAMPINGS = {"usual": {"damping_ratio": 0.05, "backlash_damping_ratio": 0.0}}
@@ -55,8 +55,11 @@ def dynamic_factors(settings, gears):
     run_command("sweep", *speeds, "--direction", "cold", "-o", "sweep.nc")
     yield float(xr.load_dataset("sweep.nc").dynamic_factor[0])
     run = {"periods": settings.periods, "record_periods": 10, "initial_state": "static"}
-    models = model(settings.gears_model("usual", pitch_errors=True)), model(settings.pair("usual"))
-    motion = paper.phase_plane_run(*models, settings.phase_planes.tunings[0], run, "usual")
+    models = (
+        build_model(settings.model_description("usual", pitch_errors=True)),
+        build_model(settings.pair("usual")),
+    )
+    motion = paper.simulate_phase_portrait(*models, settings.phase_planes.tunings[0], run, "usual")
     yield motion.dynamic_factor.item()
     from gearlib.explorer import view
 

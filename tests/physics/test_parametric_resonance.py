@@ -98,9 +98,9 @@ def test_both_edges_of_a_tongue_merge_at_its_closing_damping(order):
     closing_damping = meissner.closing_damping(*PAPER, order)
     open_equation = meissner.meissner_equation(*PAPER, closing_damping * (1.0 - 1e-9))
     closed_equation = meissner.meissner_equation(*PAPER, closing_damping * (1.0 + 1e-9))
-    tongue = meissner.tongue(open_equation, order)
+    tongue = meissner.find_tongue(open_equation, order)
     assert tongue.start < tongue.stop
-    assert math.isnan(meissner.tongue(closed_equation, order).start)
+    assert math.isnan(meissner.find_tongue(closed_equation, order).start)
     multiplier = -1 if order % 2 else 1
 
     def edge_function(nu, damping):
@@ -122,7 +122,7 @@ def test_damping_may_open_a_closed_tongue_again():
     ratios, order = (1.0653989653616667, 0.00046219012511841736), 5
     equations = [meissner.meissner_equation(*ratios, damping) for damping in (0.036, 0.05, 0.3)]
     growth_at_low_damping, growth_at_medium_damping, growth_at_high_damping = (
-        meissner.tongue(equation, order).growth for equation in equations
+        meissner.find_tongue(equation, order).growth for equation in equations
     )
     assert growth_at_low_damping > 0.0 > growth_at_medium_damping and growth_at_high_damping > 0.0
     assert meissner.closing_damping(*ratios, order) > 0.3
@@ -131,7 +131,7 @@ def test_damping_may_open_a_closed_tongue_again():
 def test_tongues_of_a_single_harmonic_match_mathieus_equation():
     """A stiffness with one harmonic gives Mathieu's equation, whose edges scipy computes."""
     model = OneDegreePair(pair=mesh(contact_ratio=1.5, stiffness_ratio=0.9), profile=Fourier(1))
-    ripple = abs(model.profile.pieces(model.pair).harmonics[0, 1])
+    ripple = abs(model.profile.piecewise_stiffness(model.pair).harmonics[0, 1])
     tongue_of_order = {tongue.order: tongue for tongue in find_tongues(model, 0.5, 3.0)}
     for order in (1, 2, 3):
         tongue = tongue_of_order[order]

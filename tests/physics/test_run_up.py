@@ -180,9 +180,9 @@ def test_run_ups_of_tooth_pairs_match_scipy():
         def rates(t, z, i=i, start=times[-2], speed=speeds[0]):
             """Return the derivatives of the state `z` over time, with the laws of interval `i`."""
             phase = (t - start) * (speed + 0.5 * rate * (t - start))
-            overlaps, active = system.overlap_laws[i], system.active_pairs[i]
+            overlaps, active = system.overlap_coefficients[i], system.active_pairs[i]
             touching = touching_set(overlaps, active, system.coast_line, phase, z[0])
-            law, powers = system.force_laws[i, touching], phase ** np.arange(3)
+            law, powers = system.force_coefficients[i, touching], phase ** np.arange(3)
             gap_rate = system.gap_rate[i] * (speed + rate * (t - start))
             damping = system.damping[int(touching > 0)] * (z[1] - gap_rate)
             force = law[:3] @ powers * z[0] - law[3:] @ powers

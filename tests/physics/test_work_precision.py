@@ -24,14 +24,14 @@ SIX_STATE, SIX_PHASE = 1e-12, 3e-12
 @pytest.fixture(scope="module")
 def reference_data():
     """Return the reference solutions of all test problems."""
-    return references.compute(list(problems.CASES), PAIR, SIX, SETTINGS)
+    return references.compute_references(list(problems.CASES), PAIR, SIX, SETTINGS)
 
 
 @pytest.mark.parametrize("method", ["exact", "taylor"])
 def test_errors_of_exact_methods_are_rounding_errors(reference_data, method):
     """At their finest settings exact methods must err by rounding only, problem by problem."""
-    finest_errors = work_precision.errors(method, reference_data, PAIR, SIX, SETTINGS).isel(rung=-1)
-    built_problems = [problems.build(name, PAIR, SIX, SETTINGS) for name in problems.CASES]
+    finest_errors = work_precision.compute_errors(method, reference_data, PAIR, SIX, SETTINGS).isel(rung=-1)
+    built_problems = [problems.build_problem(name, PAIR, SIX, SETTINGS) for name in problems.CASES]
     supported = [integrators.METHODS[method].supports(problem.model) for problem in built_problems]
     assert finest_errors.state_error.notnull().values.tolist() == supported
     finest_errors = finest_errors.isel(problem=finest_errors.problem.values != "reducer")
@@ -51,7 +51,7 @@ def test_errors_of_exact_methods_are_rounding_errors(reference_data, method):
 def test_the_error_of_rk45_is_proportional_to_its_tolerance(reference_data):
     """On a logarithmic scale the error over the tolerance must have the slope 1."""
     bouncing_and_cubic = reference_data.sel(problem=["bouncing", "cubic"])
-    data = work_precision.errors("rk45", bouncing_and_cubic, PAIR, SIX, SETTINGS)
+    data = work_precision.compute_errors("rk45", bouncing_and_cubic, PAIR, SIX, SETTINGS)
     rtol = np.array([options["rtol"] for _, _, options in work_precision.method_settings("rk45")])
     for name in data.problem.values:
         by_tolerance = data.sel(problem=name)

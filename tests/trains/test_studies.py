@@ -6,15 +6,15 @@ import xarray as xr
 
 from gearlib import periodic_orbit, planetary, simulate
 from gearlib.config import load
-from gearlib.models.from_values import model
+from gearlib.models.from_values import build_model
 from gearlib.studies import many_starts, trains
 from tests.paper import CONFIG as PROJECT
 from tests.tables import read_back
 
 CONFIG = load(PROJECT)
-PAIR = model(CONFIG.pair(CONFIG.reducer.damping))
+PAIR = build_model(CONFIG.pair(CONFIG.reducer.damping))
 REDUCER = CONFIG.reducer.model_dump() | {"starts": 4, "first_starts": 2}
-TRAIN = trains.reducer_train(PAIR, REDUCER)
+TRAIN = trains.build_reducer(PAIR, REDUCER)
 MANY = {"periods": 120, "record_periods": 12, "starts": 5, "first_starts": 2, "seed": 3}
 MANY |= {"spread": 0.02}
 
@@ -56,7 +56,7 @@ def test_the_table_lists_each_critical_speed_once(tmp_path):
         },
         {"case": ["alike"], "tuning": tunings, "mesh": list(TRAIN.mesh_names)},
     )
-    diagram = trains.campbell(sweeps, orders=2, pair=PAIR, settings=REDUCER)
+    diagram = trains.compute_campbell_diagram(sweeps, orders=2, pair=PAIR, settings=REDUCER)
     rows = read_back(trains.campbell_rows(diagram), tmp_path)
     speeds = [int(row["critical_speed_rpm"]) for row in rows]
     swept = diagram.speed.values
@@ -74,7 +74,7 @@ def test_the_table_lists_each_critical_speed_once(tmp_path):
 def test_the_table_of_the_reducer_holds_a_row_for_each_mesh(tmp_path):
     """The table must have one row per case, direction and mesh, with tunings of contact loss."""
     settings = REDUCER | {"periods": 84, "record_periods": 42}
-    sweeps = trains.reducer(PAIR, [0.84, 0.96], settings)
+    sweeps = trains.sweep_reducer(PAIR, [0.84, 0.96], settings)
     rows = read_back(trains.reducer_rows(sweeps), tmp_path)
     cases, directions, meshes = 3, 3, 6
     assert len(rows) == cases * directions * meshes
@@ -86,11 +86,11 @@ def test_the_table_of_the_reducer_holds_a_row_for_each_mesh(tmp_path):
 
 def test_settled_motions_match_the_periodic_orbit():
     """All starts must settle on the orbit that shooting finds."""
-    (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.2], MANY)
+    (result,) = many_starts.find_motions_from_equilibrium(TRAIN, [1.2], MANY)
     assert result.settled and (result.period == TRAIN.repeats).all()
     orbit = periodic_orbit(TRAIN, 1.2, guess=result.state[0], period=TRAIN.repeats)
     exact = simulate(TRAIN, 1.2, periods=12, record_periods=12, initial_state=tuple(orbit.state))
-    summary = many_starts.summarise(TRAIN, [result], MANY, ["peak_force_ratio"])
+    summary = many_starts.build_motion_dataset(TRAIN, [result], MANY, ["peak_force_ratio"])
     factors = summary.peak_force_ratio.isel(tuning=0)
     np.testing.assert_allclose(factors, [exact.peak_force_ratio] * MANY["starts"], rtol=1e-11)
     assert float(summary.settled_share[0]) == float(summary.largest_share[0]) == 1.0
@@ -99,13 +99,13 @@ def test_settled_motions_match_the_periodic_orbit():
 def test_motions_that_do_not_settle_are_summarised_by_a_range():
     """Motions that do not settle must have period 0 and a range of peak forces."""
     # At this tuning motions in which all branches move alike are unstable.
-    (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.6], MANY)
-    summary = many_starts.summarise(TRAIN, [result], MANY, ["peak_force_ratio"])
+    (result,) = many_starts.find_motions_from_equilibrium(TRAIN, [1.6], MANY)
+    summary = many_starts.build_motion_dataset(TRAIN, [result], MANY, ["peak_force_ratio"])
     assert not result.settled and int(summary.settled[0]) == 0 and int(summary.period[0]) == 0
     # The orbit -1 stands for a motion that has not settled.
     unsettled = result.orbit < 0
     assert unsettled.any() and not result.period[unsettled].any()
-    ranges = many_starts.ranges_over_starts(summary, ["peak_force_ratio"])
+    ranges = many_starts.median_and_range(summary, ["peak_force_ratio"])
     assert (ranges["peak_force_ratio_high"] > 1.1 * ranges["peak_force_ratio_low"]).all()
 
 
@@ -116,19 +116,19 @@ def test_shares_of_motions_match_the_counts_of_starts_that_lead_to_them():
     assert float(keeps.fraction_drive) == 1.0 > float(loses.fraction_drive)
     contact_state, loss_state = keeps.final_state.values, loses.final_state.values
     states = np.array([contact_state, loss_state, contact_state, contact_state])
-    result = many_starts.final_motions(PAIR, 0.81, states, MANY | {"first_starts": 4})
-    summary = many_starts.summarise(PAIR, [result], MANY, ["displacement_max"])
+    result = many_starts.find_final_motions(PAIR, 0.81, states, MANY | {"first_starts": 4})
+    summary = many_starts.build_motion_dataset(PAIR, [result], MANY, ["displacement_max"])
     assert result.orbit.tolist() == [0, 1, 0, 0]
     assert float(summary.largest_share[0]) == 0.75 and int(summary.motion_count[0]) == 2
     assert float(summary.settled_share[0]) == 1.0 and int(summary.settled[0]) == 0
     # A start on the boundary of the basins, up to rounding, leads to neither motion in time.
     for _ in range(60):
         middle = 0.5 * (contact_state + loss_state)
-        motions = many_starts.final_motions(PAIR, 0.81, [states[0], middle], MANY)
+        motions = many_starts.find_final_motions(PAIR, 0.81, [states[0], middle], MANY)
         contact_state, loss_state = (
             (middle, loss_state) if motions.orbit[1] == 0 else (contact_state, middle)
         )
-    result = many_starts.final_motions(
+    result = many_starts.find_final_motions(
         PAIR, 0.81, [*states[:2], contact_state], MANY | {"first_starts": 3}
     )
     assert result.orbit.tolist() == [0, 1, -1] and result.period[2] == 0

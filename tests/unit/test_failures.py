@@ -89,7 +89,7 @@ def test_rules_give_verdicts_on_constructed_outcomes(quantity, reference, change
         assert error == pytest.approx(max(x, 2.0 * v) / height)
 
 
-# The reference has the events (1, 0) and (0, 1), contact codes before and after. Events that are
+# The reference has the events (1, 0) and (0, 1), contact states before and after. Events that are
 # missing, spurious or out of order are counted.
 @pytest.mark.parametrize(
     ("contacts", "wrong_count"),
@@ -106,8 +106,8 @@ def test_wrong_events_count_as_missed_only_if_the_state_is_wrong(contacts, wrong
 
 
 def test_only_scipy_at_its_least_tolerance_is_its_own_reference():
-    for key, problem in difficult_problems.problems().items():
+    for key, problem in difficult_problems.build_problems().items():
         for method, module in integrators.METHODS.items():
             if module.supports(problem.model):
-                reference, options = failures.reference_method(problem, method)
+                reference, options = failures.choose_reference_method(problem, method)
                 assert reference != method or (method == "scipy" and options["rtol"] == 1e-13), key

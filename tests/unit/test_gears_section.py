@@ -13,7 +13,7 @@ from gearlib.cli import main
 from gearlib.config import load, overlay, overlay_gears
 from gearlib.config.gears_section import PinionSection, StageSection
 from gearlib.geometry import GearStage, Material, Rack, SpurGear, TipRelief, Web, iso_stiffness
-from gearlib.models.from_values import model
+from gearlib.models.from_values import build_model
 from gearlib.models.geometry import from_values as geometry
 from gearlib.studies import gear_table
 from gearlib.studies.gear_geometry import harris_map
@@ -58,7 +58,7 @@ def test_the_pair_of_the_configuration_matches_the_library():
     ):
         expected = GearPair.from_geometry(fzg(), damping_ratio=0.06, **arguments).as_dict()
         # The configuration keeps 12 digits.
-        pair = model(load(settings).pair("k")).as_dict()
+        pair = build_model(load(settings).pair("k")).as_dict()
         assert pair == pytest.approx(expected, rel=1e-11)
 
 
@@ -159,7 +159,7 @@ def test_the_table_shows_the_duty_point_of_the_load_sharing_model(damping):
     """The table must list the dynamic factor and the orders above 5 % of the largest one."""
     mesh, load = fzg(), {"torque": 302.0, **damping}
     model = LoadSharingPair.from_geometry(mesh, **load)
-    rows = gear_table.duty_rows(model, 2170.0, 302.0, model.stiffness_model)
+    rows = gear_table.duty_point_rows(model, 2170.0, 302.0, model.stiffness_model)
     table = values([row._asdict() for row in rows])
     point = duty_point(mesh, 2170.0, **load)
     factor = pytest.approx(point.dynamic_factor.item(), rel=1e-9)

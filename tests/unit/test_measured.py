@@ -205,7 +205,7 @@ def test_invalid_measured_data_are_refused_in_one_sentence(rig, tmp_path, senten
     with pytest.raises(ValueError) as refusal:
         rig(table, **changes)
     text = str(refusal.value).removeprefix(f"{tmp_path / 'rig.yaml'}: ")
-    assert_sentence(text, sentence, most=700)
+    assert_sentence(text, sentence, max_length=700)
 
 
 def universal_file(path, binary=0, **changes):
@@ -332,7 +332,7 @@ def curve(written, resonance):
         channels = {"n": {"observableId": "speed", "unit": "rpm"}}
         channels |= {"to": {"observableId": "direction", "unit": 1}, "top": peak}
         table = csv(channels, *columns[:2], factor * columns[2] + shift)
-        return study.measured_response_curve(written(table, channels=channels), resonance)
+        return study.read_response_curve(written(table, channels=channels), resonance)
 
     return measure
 
@@ -382,11 +382,11 @@ def test_a_jump_is_a_single_large_step():
     speed = np.linspace(1000.0, 2000.0, 101)
     step = np.where(speed < 1503.0, 1.0, 3.0) + 0.3 * np.sin(speed / 100.0)
     mixed = np.random.default_rng(2).permutation(speed.size)
-    jump_speed, std = study.jump(speed[mixed], step[mixed])
+    jump_speed, std = study.find_jump(speed[mixed], step[mixed])
     assert jump_speed == 1505.0 and std == pytest.approx(10.0 / math.sqrt(12.0))
     for smooth in (np.tanh((speed - 1500.0) / 25.0), np.ones(speed.size), speed):
-        assert math.isnan(study.jump(speed, smooth)[0])
-    assert math.isnan(study.jump(speed[:3], step[:3])[0])
+        assert math.isnan(study.find_jump(speed, smooth)[0])
+    assert math.isnan(study.find_jump(speed[:3], step[:3])[0])
 
 
 def test_harmonics_of_a_synthetic_time_history_are_recovered(written):
@@ -401,7 +401,7 @@ def test_harmonics_of_a_synthetic_time_history_are_recovered(written):
     table = csv(channels, time, 7.0 + waves @ amplitudes)
     path = written(table, channels=channels, conditions=conditions)
     run = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
-    course = study.time_history_harmonics(path, {"k": PAIR}, run).squeeze()
+    course = study.compare_time_histories(path, {"k": PAIR}, run).squeeze()
     assert course.amplitude.values == pytest.approx(1e-6 * amplitudes, rel=1e-9)
     shape = np.radians(course.shape_phase.values) - (phases - orders * phases[0])
     assert np.cos(shape) == pytest.approx(1.0, abs=1e-12)
@@ -419,7 +419,7 @@ def test_conditions_may_have_different_observables(written):
     table = "observableId,simulationConditionId,time,measurement\n" + "\n".join(rows)
     path = written(table, channels=X_AND_FORCE, conditions=conditions)
     run = {"periods": 24, "record_periods": 1, "samples_per_period": 32}
-    courses = study.time_history_harmonics(path, {"k": PAIR}, run)
+    courses = study.compare_time_histories(path, {"k": PAIR}, run)
     # The first condition has no force, and the second one no displacement.
     np.testing.assert_array_equal(
         np.isnan(courses.amplitude[..., 0]).squeeze(), ~np.eye(2, dtype=bool)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gearlib.models.from_values import pairs_of_teeth
+from gearlib.models.from_values import build_load_sharing_pair
 from gearlib.studies.jump import find_jump
-from gearlib.studies.teeth_over_speed import over_speed
+from gearlib.studies.teeth_over_speed import sweep_speeds
 
 GEARS = {
     "pinion": {"teeth": 23, "module": 2.5e-3, "width": 20e-3},
@@ -17,14 +17,14 @@ RUN = {"periods": 200, "record_periods": 10}
 
 def test_jumps_match_bisection_and_exclude_the_ends_of_the_sweep():
     """Compare jump speeds of sweeps with bisection; a sweep that starts above the jump has none."""
-    model = pairs_of_teeth(GEARS, {"damping_ratio": 0.05}, pitch_errors=False)
+    model = build_load_sharing_pair(GEARS, {"damping_ratio": 0.05}, pitch_errors=False)
     tunings = np.linspace(0.36, 1.1, 149)
     step = float(model.speed(tunings[1] - tunings[0]))
-    curves = over_speed(model, model.speed(tunings), **RUN)
+    curves = sweep_speeds(model, model.speed(tunings), **RUN)
     for name in ("up", "down"):
         jump = find_jump(model, tunings, 1e-4, name, initial_state="static", **RUN)
         (jump_speed,) = curves[f"jump_{name}_speed"].values
         assert jump_speed == pytest.approx(float(model.speed(jump.tuning)), abs=0.51 * step)
     # This sweep starts at the tuning 0.605, above the downward jump.
-    above = over_speed(model, model.speed(tunings[49:]), **RUN)
+    above = sweep_speeds(model, model.speed(tunings[49:]), **RUN)
     assert np.isnan(above.jump_down_speed).all() and above.jump_up_speed == curves.jump_up_speed

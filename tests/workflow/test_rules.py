@@ -6,7 +6,7 @@ import yaml
 from gearlib.config import overlay
 from gearlib.config.configuration import TARGETS
 from gearlib.config.targets import TRAIN_TARGETS
-from gearlib.models.from_values import with_models
+from gearlib.models.from_values import build_models
 from gearlib.studies import gear_table
 from tests.unit.test_gear_names import NAME, OWN, PLANETS, relieved
 from tests.workflow.declared import declared
@@ -61,7 +61,7 @@ def test_gears_of_the_user_reach_the_studies_of_gear_geometry(project, paper):
 def test_the_report_on_gears_of_a_user_has_their_table_and_no_paper_figures(project):
     user_rules = rules_of(project, OWN)
     table = user_rules.rules["gears_table"]
-    rows = [row[:3] for row in gear_table.rows(**with_models(table["params"]["settings"]))]
+    rows = [row[:3] for row in gear_table.table_rows(**build_models(table["params"]["settings"]))]
     assert ["teeth", "wheel", "61"] in rows and ["damping_ratio", "light", "0.03"] in rows
     assert "stiffness" in user_rules.caption("gears_table")
     parts = {part for rule in user_rules.rules.values() for part in rule["parts"]}

@@ -17,7 +17,7 @@ use rule _compute as compute_gearbox_stage with:
         "results/gearbox/stage_{number}.nc",
     params:
         **pick(BOX or {}, "damping_ratio", "points"),
-        function="gearlib.studies.gearboxes:stage_over_speed",
+        function="gearlib.studies.gearboxes:sweep_stage",
         file=lambda w, input: input.file,
         stage=lambda w: STAGES[int(w.number)][0],
         load_case=lambda w: STAGES[int(w.number)][1],
@@ -60,7 +60,7 @@ use rule _compute as compute_gearbox_outline with:
     output:
         "results/gearbox/outline.nc",
     params:
-        function="gearlib.studies.gearboxes:outline",
+        function="gearlib.studies.gearboxes:gearbox_outline",
         file=lambda w, input: input.file,
 
 
@@ -87,7 +87,7 @@ use rule _compute as compute_gearbox with:
         "results/gearbox/box_{number}.nc",
     params:
         **pick(BOX or {}, "damping_ratio", "orders"),
-        function="gearlib.studies.gearboxes:whole_box",
+        function="gearlib.studies.gearboxes:analyse_gearbox",
         file=lambda w, input: input.file,
         load_case=lambda w: BOXES[int(w.number)],
 
@@ -101,7 +101,7 @@ use rule _table as gearbox_modes_table with:
     output:
         **table_files("gearbox_modes", "Modes, load shares and frequencies, table", GEARBOX),
     params:
-        function="gearlib.studies.gearboxes:box_rows",
+        function="gearlib.studies.gearboxes:gearbox_rows",
         gears=NAME_OF_BOX,
 
 
@@ -134,7 +134,7 @@ use rule _compute as compute_gearbox_run_up with:
         "results/gearbox/run_up_{number}.nc",
     params:
         **pick(BOX or {}, "damping_ratio", "revolutions"),
-        function="gearlib.studies.gearboxes:run_up",
+        function="gearlib.studies.gearboxes:compute_run_up_orders",
         file=lambda w, input: input.file,
         load_case=lambda w: BOXES[int(w.number)],
 

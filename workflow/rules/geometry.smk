@@ -10,7 +10,7 @@ if not IS_PAPER:
         output:
             **table_files("gears", "The gears: table", PAPER),
         params:
-            function="gearlib.studies.gear_table:rows",
+            function="gearlib.studies.gear_table:table_rows",
             settings={
                 "pairs": PAIRS,
                 "gears": canonical(CONFIG.gears and CONFIG.gears.geometry_dict()),
@@ -94,7 +94,7 @@ use rule _compute as compute_dynamic_factor with:
     params:
         **pick(config["dynamic_factor"], "points", "start", "stop"),
         **teeth_over_speed(),
-        function="gearlib.studies.teeth_over_speed:over_speed_range",
+        function="gearlib.studies.teeth_over_speed:sweep_speed_range",
 
 
 use rule _draw as draw_dynamic_factor with:

@@ -307,10 +307,10 @@ def jobs_of_gearbox():
     """
     if "gearbox" not in WANTED:
         return [], []
-    from gearlib.studies.gearboxes import jobs
+    from gearlib.studies.gearboxes import list_computations
 
     try:
-        stages, boxes, _ = jobs(CONFIG.gearbox.file)
+        stages, boxes, _ = list_computations(CONFIG.gearbox.file)
     except (OSError, ValueError) as error:
         refuse(f"The configuration is refused.\ngearbox.file: {error}")
     return stages, boxes

@@ -48,7 +48,7 @@ use rule _compute as compute_stability_chart with:
         "results/stability_chart.nc",
     params:
         **pick(config["stability_chart"], "steps", "methods"),
-        function="gearlib.studies.trials.stability_of_methods:compute",
+        function="gearlib.studies.trials.stability_of_methods:compute_spectral_radii",
         pair=PAIRS[config["stability_chart"]["damping"]],
         tunings=grid(config["stability_chart"]),
         fine_tunings=grid(config["stability_chart"], "fine_step"),
@@ -148,7 +148,7 @@ use rule _compute as work_precision_references with:
     priority: LONG
     params:
         **PROBLEMS,
-        function="gearlib.studies.trials.references:compute",
+        function="gearlib.studies.trials.references:compute_references",
         names=config["work_precision"]["problems"],
 
 
@@ -164,7 +164,7 @@ use rule _compute as work_precision_errors with:
     priority: LONG
     params:
         **PROBLEMS,
-        function="gearlib.studies.trials.work_precision:errors",
+        function="gearlib.studies.trials.work_precision:compute_errors",
         method="{method}",
 
 
@@ -180,7 +180,7 @@ use rule _compute_alone as work_precision_times with:
         "results/work_precision/times_{method}.nc",
     params:
         **PROBLEMS,
-        function="gearlib.studies.trials.work_precision:times",
+        function="gearlib.studies.trials.work_precision:measure_times",
         method="{method}",
         names=config["work_precision"]["problems"],
         repeats=config["work_precision"]["repeats"],
@@ -196,7 +196,7 @@ use rule _table as work_precision_table with:
     output:
         **table_files("work_precision", "Work and precision: table of the fastest", METHODS),
     params:
-        function="gearlib.studies.trials.fastest:rows",
+        function="gearlib.studies.trials.fastest:table_rows",
 
 
 use rule _draw as draw_work_precision with:

@@ -49,7 +49,7 @@ use rule _compute as compute_jump with:
     output:
         "results/jump.nc",
     params:
-        function="gearlib.studies.jump:jump_and_shifts",
+        function="gearlib.studies.jump:compute_jump_and_shifts",
         pair=PAIRS[config["jump"]["damping"]],
         settings=without(config["jump"], "marked"),
         run=RUN,
@@ -82,7 +82,7 @@ use rule _compute as label with:
     output:
         "results/labels/{damping}.nc",
     params:
-        function="gearlib.studies.paper:labels",
+        function="gearlib.studies.paper:classify_motions",
         model=lambda wildcards: MODELS[wildcards.damping],
         pair=lambda wildcards: PAIRS[wildcards.damping],
         tunings=grid(config["labels"]),
@@ -102,7 +102,7 @@ use rule _compute as compute_branches with:
     output:
         "results/branches/{damping}.nc",
     params:
-        function="gearlib.studies.resonance:branches",
+        function="gearlib.studies.resonance:compute_branches",
         damping="{damping}",
         pair=lambda wildcards: PAIRS[wildcards.damping],
         settings=without(config["branches"], "loci"),
@@ -119,7 +119,7 @@ use rule _compute as loci with:
     params:
         **pick(config["branches"], "start", "stop"),
         **pick(config["branches"]["loci"], "lowest", "highest"),
-        function="gearlib.studies.resonance:loci",
+        function="gearlib.studies.resonance:compute_loci",
         pair=PAIRS[CONFIG.branches.loci.damping],
 
 
@@ -180,7 +180,7 @@ use rule _compute as compute_nonlinear_damping with:
     output:
         "results/nonlinear_damping/{place}_{power}.nc",
     params:
-        function="gearlib.studies.nonlinear_damping:damping_study",
+        function="gearlib.studies.nonlinear_damping:compute_damping_study",
         pair=UNDAMPED,
         settings=config["nonlinear_damping"],
         run=RUN,
@@ -206,7 +206,7 @@ use rule _table as nonlinear_damping_table with:
     output:
         **table_files("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
     params:
-        function="gearlib.studies.nonlinear_damping:rows",
+        function="gearlib.studies.nonlinear_damping:table_rows",
 
 
 use rule _draw as draw_nonlinear_damping with:
@@ -236,7 +236,7 @@ use rule _compute as compare_models with:
     output:
         "results/models/{scene}.nc",
     params:
-        function="gearlib.studies.scenes:compare",
+        function="gearlib.studies.scenes:compare_models",
         cases=cases_of_scene,
         criteria=criteria_of_scene,
         six_degrees=SIX_DEGREES,
@@ -254,7 +254,7 @@ use rule _table as model_table with:
     output:
         **table_files("models", "Models: table", EXPLANATIONS),
     params:
-        function="gearlib.studies.scenes:rows",
+        function="gearlib.studies.scenes:table_rows",
         settings={"scenes": list(CONFIG.scenes)},
 
 
@@ -284,7 +284,7 @@ use rule _compute as compute_parametric_resonance with:
     output:
         "results/parametric_resonance.nc",
     params:
-        function="gearlib.studies.stability:stability_chart",
+        function="gearlib.studies.stability:compute_stability_chart",
         pair=UNDAMPED,
         settings=without(config["parametric_resonance"], "asked", *GRID),
         tunings=grid(config["parametric_resonance"]),
@@ -300,7 +300,7 @@ use rule _compute as tongues with:
         "results/tongues.nc",
     params:
         **pick(config["parametric_resonance"], "start", "stop"),
-        function="gearlib.studies.stability:contact_loss",
+        function="gearlib.studies.stability:find_contact_loss_causes",
         pairs=PAIRS,
         tuning=config["parametric_resonance"]["asked"],
         run=pick(RUN, "periods", "initial_state"),
@@ -317,7 +317,7 @@ use rule _table as parametric_resonance_table with:
             "parametric_resonance", "Parametric resonance: the tuning in question", EXPLANATIONS
         ),
     params:
-        function="gearlib.studies.stability:rows",
+        function="gearlib.studies.stability:table_rows",
 
 
 use rule _draw as draw_parametric_resonance with:
@@ -347,7 +347,7 @@ use rule _compute as compute_basins with:
         "results/basins.nc",
     priority: LONG
     params:
-        function="gearlib.studies.global_picture:basin_cases",
+        function="gearlib.studies.global_picture:compute_basins",
         cases=with_pairs(CONFIG.basins.cases),
         settings=without(config["basins"], "cases"),
 
@@ -379,7 +379,7 @@ use rule _compute as compute_bifurcation with:
         shares="results/basin_stability.nc",
     priority: LONG
     params:
-        function="gearlib.studies.global_picture:bifurcation",
+        function="gearlib.studies.global_picture:compute_bifurcation",
         pair=BIFURCATION_PAIR,
         tunings=grid(config["bifurcation"]),
         coarse=grid(config["bifurcation"], "share_step"),
@@ -395,7 +395,7 @@ use rule _compute as bifurcation_branches with:
     output:
         "results/bifurcation_branches.nc",
     params:
-        function="gearlib.studies.resonance:branches",
+        function="gearlib.studies.resonance:compute_branches",
         damping="of the bifurcation diagram",
         pair=BIFURCATION_PAIR,
         settings=without(config["branches"], "loci") | pick(config["bifurcation"], "start", "stop"),
@@ -427,7 +427,7 @@ use rule _compute as compute_poincare with:
     output:
         "results/poincare.nc",
     params:
-        function="gearlib.studies.global_picture:sections",
+        function="gearlib.studies.global_picture:compute_poincare_sections",
         cases=with_pairs(CONFIG.poincare.cases),
         settings=without(config["poincare"], "cases"),
 

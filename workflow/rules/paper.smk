@@ -13,7 +13,7 @@ use rule _compute as compute_phase_lag with:
         "results/phase_lag.nc",
     params:
         **pick(config["phase_lag"], "tuning", "harmonics", "periods"),
-        function="gearlib.studies.paper:phase_lag",
+        function="gearlib.studies.paper:compute_phase_lag",
         pair=UNDAMPED,
         dampings=config["phase_lag"]["material_dampings"],
         tunings=grid(config["phase_lag"]),
@@ -107,7 +107,7 @@ use rule _compute as phase_plane with:
     output:
         "results/phase_planes/{damping}/{tuning}.nc",
     params:
-        function="gearlib.studies.paper:phase_plane_run",
+        function="gearlib.studies.paper:simulate_phase_portrait",
         model=lambda wildcards: canonical(CONFIG.model_description(wildcards.damping, pitch_errors=True)),
         pair=lambda wildcards: PAIRS[wildcards.damping],
         tuning=lambda wildcards: tunings.parse_name(wildcards.tuning)[0],
@@ -158,7 +158,7 @@ use rule _compute as scene with:
     output:
         "results/scenes/{scene}.nc",
     params:
-        function="gearlib.studies.scenes:chosen_model_scene",
+        function="gearlib.studies.scenes:simulate_scene_with_chosen_model",
         cases=cases_of_scene,
         six_degrees=SIX_DEGREES,
         run=SAMPLED_RUN,

@@ -14,7 +14,7 @@ use rule _compute as compute_reducer with:
     output:
         "results/reducer.nc",
     params:
-        function="gearlib.studies.trains:reducer",
+        function="gearlib.studies.trains:sweep_reducer",
         pair=PAIRS[config["reducer"]["damping"]],
         tunings=grid(config["reducer"]),
         settings=without(config["reducer"], "damping", *GRID),
@@ -61,7 +61,7 @@ use rule _compute as compute_train_sweep with:
     output:
         "results/train_sweep.nc",
     params:
-        function="gearlib.studies.trains:over_speed",
+        function="gearlib.studies.trains:sweep_train",
         train=TRAIN_PARAMETERS,
         tunings=grid(config["train_sweep"]),
         settings=without(config["train_sweep"], "damping", *GRID),
@@ -102,7 +102,7 @@ use rule _compute as compute_campbell with:
                 "settings": without(config["reducer"], "damping", *GRID, *STARTS),
             }
         ),
-        function="gearlib.studies.trains:campbell",
+        function="gearlib.studies.trains:compute_campbell_diagram",
         orders=config["campbell"]["orders"],
 
 

@@ -11,7 +11,7 @@ use rule _compute as measured_curve with:
     output:
         "results/measured/{measured}.nc",
     params:
-        function="gearlib.studies.measured:measured_response_curve",
+        function="gearlib.studies.measured:read_response_curve",
         path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
 
 
@@ -25,7 +25,7 @@ use rule _compute as measured_course with:
     output:
         "results/measured/courses/{measured}.nc",
     params:
-        function="gearlib.studies.measured:time_history_harmonics",
+        function="gearlib.studies.measured:compare_time_histories",
         path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
         models=MODELS,
         run=GEARS_SAMPLED_RUN,
@@ -42,7 +42,7 @@ use rule _compute as measured_orders with:
     output:
         "results/measured/orders/{measured}.nc",
     params:
-        function="gearlib.studies.measured:run_up_orders",
+        function="gearlib.studies.measured:compare_run_ups",
         path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
         models=MODELS,
 
@@ -106,7 +106,7 @@ use rule _compute as tolerance_shard with:
     params:
         **DESIGNS,
         **pick(config["tolerances"], "samples", "directions", "periods", "record_periods"),
-        function="gearlib.studies.tolerance_study:scatter_of_shard",
+        function="gearlib.studies.tolerance_study:compute_scatter_shard",
         tunings=grid(config["tolerances"]),
         box=[[-end, end] for end in config["tolerances"]["box"]],
         shard="{samples}",
@@ -134,7 +134,7 @@ use rule _compute as tolerance_indices with:
         "results/tolerance_indices.nc",
     params:
         **DESIGNS,
-        function="gearlib.studies.tolerance_study:sobol_indices_of_design",
+        function="gearlib.studies.tolerance_study:compute_sobol_indices",
         samples=config["tolerances"]["index_samples"],
 
 
@@ -147,7 +147,7 @@ use rule _table as tolerance_table with:
     output:
         **table_files("tolerances", "Tolerances: table", TOLERANCES),
     params:
-        function="gearlib.studies.tolerance_study:rows",
+        function="gearlib.studies.tolerance_study:table_rows",
 
 
 use rule _draw as draw_tolerances with:

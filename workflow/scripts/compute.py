@@ -4,7 +4,7 @@ import inspect
 from pkgutil import resolve_name
 
 from gearlib.data import storage
-from gearlib.models.from_values import with_models
+from gearlib.models.from_values import build_models
 from job import datasets, redirect_output
 
 
@@ -13,7 +13,7 @@ def main(job):
     redirect_output(job.log[0])
     excluded = ("script", "function")
     params = {name: value for name, value in job.params.items() if name not in excluded}
-    arguments = {name: with_models(value) for name, value in params.items()}
+    arguments = {name: build_models(value) for name, value in params.items()}
     function = resolve_name(job.params.function)
     if "threads" in inspect.signature(function).parameters:
         arguments["threads"] = job.threads

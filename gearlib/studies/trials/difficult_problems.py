@@ -67,12 +67,12 @@ _RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.0617}
 _COMPARED_CONTACTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
 
 
-def _gear_pair(**changes: float) -> GearPair:
+def _build_pair(**changes: float) -> GearPair:
     """Return the paper's gear pair, rounded, with changed arguments of `GearPair.from_ratios`."""
     return GearPair.from_ratios(**(_RATIOS | {"backlash_ratio": 4.0} | changes))
 
 
-def _grazing(side: str, exponent: int) -> Problem:
+def _grazing_problem(side: str, exponent: int) -> Problem:
     """Return a problem whose motion reverses close to the flank line, displacement 0.
 
     Beyond the flank line, at displacements below 0, contact is lost. If `side` is "past", the
@@ -85,14 +85,14 @@ def _grazing(side: str, exponent: int) -> Problem:
     reversal_state = sign * 10.0**exponent, 0.0
     # The start is computed backwards from the point of reversal, with the equation of contact.
     high_stiffness = stiffness_levels(_UNDAMPED.contact_ratio, _UNDAMPED.stiffness_ratio)[0]
-    start = meissner.state_after(
+    start = meissner.propagate_state(
         reversal_state, high_stiffness, damping=0.0, tuning=tuning, phase=-reversal_phase
     )
     description = f"grazing, 1e{exponent} {side} the flank line"
     return Problem(description, _UNDAMPED, tuning, start, **_COMPARED_CONTACTS)
 
 
-def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
+def _tongue_problems(name: str, centre: float, periods: int) -> dict[str, Problem]:
     """Return two problems, at a tuning inside an instability tongue and just beyond its edge.
 
     A tongue is an interval of tunings (mesh frequency over natural frequency) in which the motion
@@ -101,9 +101,9 @@ def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
     """
     model = _UNDAMPED_WITHOUT_COAST_SIDE
     problems = {}
-    equation = meissner.equation_of(model)
-    (order,) = meissner.orders(equation, centre, centre)
-    beyond = meissner.tongue(equation, order).stop + _DISTANCE_FROM_TONGUE
+    equation = meissner.equation_of_pair(model)
+    (order,) = meissner.orders_in_range(equation, centre, centre)
+    beyond = meissner.find_tongue(equation, order).stop + _DISTANCE_FROM_TONGUE
     for key, tuning, description in (
         (f"tongue_{name}", centre, f"inside the tongue at $\\nu$ = {centre:g}"),
         (f"edge_{name}", beyond, f"beyond its edge, $\\nu$ = {beyond:.4f}"),
@@ -117,7 +117,7 @@ def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
     return problems
 
 
-def _planets(
+def _planetary_problem(
     description: str, sun_displacement=3.0, planet_displacement=0.0, **changes: Any
 ) -> Problem:
     """Return a problem of a train with three planets that starts near static equilibrium.
@@ -153,32 +153,32 @@ def _state_problems() -> dict[str, Problem]:
         eccentricities=(8e-6, 8e-6),
         friction=(0.05, 0.05),
     )
-    cubic = OneDegreePair(pair=_gear_pair(), cubic_damping=100.0)
+    cubic = OneDegreePair(pair=_build_pair(), cubic_damping=100.0)
     few_terms, many_terms = (OneDegreePair(pair=PAPER, profile=Fourier(n)) for n in (2, 200))
     # The motion starts 1e4 above the coast-side flank line and reaches 0.1 below it. The free
     # flight of 140 rad is a parabola, which all methods of order 2 or more compute exactly, so
     # their steps grow without limit; the contact that follows lasts only 0.9 rad.
-    wide_backlash = _gear_pair(damping=0.0, backlash_ratio=2e4)
+    wide_backlash = _build_pair(damping=0.0, backlash_ratio=2e4)
     fall = (-1e4, -math.sqrt(2.0 * (1e4 + 0.1)))
     rest, coast_line = (0.0, 0.0), (-PAPER.backlash_ratio, 0.0)
     down, fast_down = (0.0, -1.0), (0.0, -3.0)
-    slow_pair = _gear_pair(damping=0.002)
-    ratio_above_1, ratio_below_2 = (_gear_pair(contact_ratio=r) for r in (1.0 + 1e-9, 2.0 - 1e-9))
-    critically_damped = _gear_pair(contact_ratio=1.0, damping=1.0)
-    overdamped, no_backlash = _gear_pair(damping=20.0), _gear_pair(backlash_ratio=0.0)
-    endless_backlash = _gear_pair(backlash_ratio=math.inf)
+    slow_pair = _build_pair(damping=0.002)
+    ratio_above_1, ratio_below_2 = (_build_pair(contact_ratio=r) for r in (1.0 + 1e-9, 2.0 - 1e-9))
+    critically_damped = _build_pair(contact_ratio=1.0, damping=1.0)
+    overdamped, no_backlash = _build_pair(damping=20.0), _build_pair(backlash_ratio=0.0)
+    endless_backlash = _build_pair(backlash_ratio=math.inf)
     rows = {
         "double_crossing": ("in and out within a long step", wide_backlash, 1.0, fall, 40),
         "rest_near": ("at rest on the near flank line", PAPER, 0.82),
         "rest_far": ("at rest on the coast-side flank line", PAPER, 0.82, coast_line),
         "no_backlash": ("no backlash", no_backlash, 0.9, fast_down),
-        "nano_backlash": ("backlash 1e-9", _gear_pair(backlash_ratio=1e-9), 0.9, fast_down),
+        "nano_backlash": ("backlash 1e-9", _build_pair(backlash_ratio=1e-9), 0.9, fast_down),
         "endless_backlash": ("infinite backlash", endless_backlash, 0.9, fast_down),
         "critical": ("critically damped contact", critically_damped, 0.9, fast_down, 1),
         "overdamped": ("overdamped contact, $\\beta$ = 20", overdamped, 0.9, fast_down, 5),
-        "soft": ("stiffness ratio 1e-6", _gear_pair(stiffness_ratio=1e-6), 0.9, rest, 5),
-        "ratio_1": ("contact ratio 1", _gear_pair(contact_ratio=1.0), 0.9, down, 5),
-        "ratio_2": ("contact ratio 2", _gear_pair(contact_ratio=2.0), 0.9, down, 5),
+        "soft": ("stiffness ratio 1e-6", _build_pair(stiffness_ratio=1e-6), 0.9, rest, 5),
+        "ratio_1": ("contact ratio 1", _build_pair(contact_ratio=1.0), 0.9, down, 5),
+        "ratio_2": ("contact ratio 2", _build_pair(contact_ratio=2.0), 0.9, down, 5),
         "ratio_above_1": ("contact ratio 1 + 1e-9", ratio_above_1, 0.9, down, 5),
         "ratio_below_2": ("contact ratio 2 $-$ 1e-9", ratio_below_2, 0.9, down, 5),
         "slow": ("200 natural periods per mesh period", slow_pair, 0.005, rest, 1),
@@ -191,7 +191,7 @@ def _state_problems() -> dict[str, Problem]:
     return {name: Problem(*row) for name, row in rows.items()}
 
 
-def problems() -> dict[str, Problem]:
+def build_problems() -> dict[str, Problem]:
     """Return all difficult problems, as name -> `Problem`.
 
     The orbits of the paper's pair jump at a tuning (mesh frequency over natural frequency) of
@@ -202,7 +202,7 @@ def problems() -> dict[str, Problem]:
     fold = {"periods": 96, "record_periods": 24, "quantity": "orbit", "tolerance": 1e-2}
     chaos = Problem(
         "chaos",
-        _gear_pair(contact_ratio=1.5, stiffness_ratio=0.3, damping=0.05),
+        _build_pair(contact_ratio=1.5, stiffness_ratio=0.3, damping=0.05),
         tuning=0.52,
         periods=4000,
         record_periods=3900,
@@ -213,7 +213,7 @@ def problems() -> dict[str, Problem]:
     )
     conservative = Problem(
         "$10^5$ periods without loss",
-        _gear_pair(stiffness_ratio=1.0, damping=0.0),
+        _build_pair(stiffness_ratio=1.0, damping=0.0),
         tuning=1.3,
         state=(1.5, 0.0),
         periods=100_000,
@@ -223,23 +223,25 @@ def problems() -> dict[str, Problem]:
         tolerance=1e-3,
     )
     return {
-        "graze_short_6": _grazing("short of", exponent=-6),
-        "graze_past_6": _grazing("past", exponent=-6),
-        "graze_short_10": _grazing("short of", exponent=-10),
-        "graze_past_10": _grazing("past", exponent=-10),
+        "graze_short_6": _grazing_problem("short of", exponent=-6),
+        "graze_past_6": _grazing_problem("past", exponent=-6),
+        "graze_short_10": _grazing_problem("short of", exponent=-10),
+        "graze_past_10": _grazing_problem("past", exponent=-10),
         "tiny_bounce": bounce,
         **_state_problems(),
         "fold_below": Problem("just below the jump, $\\nu$ = 0.81568", PAPER, 0.81568, **fold),
         "fold_above": Problem("just above the jump, $\\nu$ = 0.81571", PAPER, 0.81571, **fold),
         "chaos": chaos,
         "conservative": conservative,
-        **_tongue("2", centre=2.0, periods=36),
-        **_tongue("066", centre=0.6614, periods=64),
+        **_tongue_problems("2", centre=2.0, periods=36),
+        **_tongue_problems("066", centre=0.6614, periods=64),
         # Meshes of three planets lose contact simultaneously or 1e-12 rad apart. Their references
         # are exact runs, which two other programs confirm.
-        "planets_at_once": _planets("three meshes part at once"),
-        "planets_apart": _planets("three meshes part 1e-12 apart", planet_displacement=5e-12),
-        "planets_alike": _planets(
+        "planets_at_once": _planetary_problem("three meshes part at once"),
+        "planets_apart": _planetary_problem(
+            "three meshes part 1e-12 apart", planet_displacement=5e-12
+        ),
+        "planets_alike": _planetary_problem(
             "all six meshes of a train part", sun_displacement=6.0, ring_phase=0.0
         ),
     }

@@ -16,7 +16,7 @@ _NUMBERS = ("time_us_per_mesh_period", "evaluations_per_mesh_period", "error_in_
 _COLUMNS = ("method", "knob", *_NUMBERS)
 
 
-def fastest(errors: np.ndarray, seconds: np.ndarray, decade: int) -> int | None:
+def find_fastest(errors: np.ndarray, seconds: np.ndarray, decade: int) -> int | None:
     """Return the index of the fastest setting with an error of at most 10^-decade, or None.
 
     `errors` and `seconds` (wall times) have one entry per setting of a method, NaN where it has no
@@ -31,7 +31,7 @@ def fastest(errors: np.ndarray, seconds: np.ndarray, decade: int) -> int | None:
     return int(accurate[np.argmin(seconds[accurate])])
 
 
-def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[list]:
+def table_rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[list]:
     """Yield the rows of the table of the fastest methods: the names of the columns, then values.
 
     `errors` and `times` are results of the functions `errors` and `times` of
@@ -65,7 +65,7 @@ def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[
             cells, fastest_times = [], []
             for owner, is_candidate in candidates.items():
                 candidate_seconds = np.where(is_candidate, seconds[i], math.nan)
-                k = fastest(state_errors[i], candidate_seconds, decade)  # index of a setting
+                k = find_fastest(state_errors[i], candidate_seconds, decade)  # index of a setting
                 if k is None:
                     cells += [f"no {OWNERS[owner]} reaches it", *[""] * (len(_COLUMNS) - 1)]
                     continue

@@ -49,11 +49,11 @@ class Motion(NamedTuple):
 
     state: np.ndarray  #: final displacement and dx/dtau; for a train, of its first mesh
     phases: np.ndarray  #: phases of the contact events in the record, rad from the start of the run
-    codes: np.ndarray  #: contact codes (from, to) of the events, shape (n, 2)
+    codes: np.ndarray  #: contact states (from, to) of the events, shape (n, 2)
     evaluations: int = 0  #: of the right-hand side
 
 
-def build(name: str, pair: GearPair, six_degrees: dict, settings: dict) -> Problem:
+def build_problem(name: str, pair: GearPair, six_degrees: dict, settings: dict) -> Problem:
     """Return the test problem with a name of `CASES`: a model, a tuning and mesh periods.
 
     `pair` is undamped, `six_degrees` has further arguments of `SixDegreePair`. `settings` has
@@ -82,7 +82,7 @@ def build(name: str, pair: GearPair, six_degrees: dict, settings: dict) -> Probl
     return Problem(model, case.tuning, periods, record_periods, case.settles)
 
 
-def run(
+def run_problem(
     problem: Problem, method=None, options=None, state: Sequence[float] = (0.0, 0.0), periods=None
 ) -> Motion:
     """Run a method with options on a test problem, and return final state and contact events.
@@ -106,7 +106,7 @@ def run(
     event_order = np.arange(data.sizes["event"])
     if problem.model.mesh_names:
         # Displacement of the first mesh and its derivative, from all coordinates of the train.
-        final_state = final_state.reshape(2, -1) @ problem.model.structure.lines[0]
+        final_state = final_state.reshape(2, -1) @ problem.model.structure.mesh_jacobian[0]
         # Simultaneous events of several meshes have no order in time, so they are sorted by mesh.
         event_order = np.argsort(data.event_mesh.values, kind="stable")
     phases = data.event_phase.values[event_order]
