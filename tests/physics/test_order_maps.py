@@ -240,10 +240,10 @@ def test_single_irregular_tacho_pulses_are_repaired_and_reported(per_turn, speed
         assert_orders(order_map, 1e-3)
         assert json.loads(order_map.attrs["double_pulses"]) == [extra]
         ((before, after),) = json.loads(order_map.attrs["missing_pulses"])
-        assert before < pulses[missing] < after and "missing" in order_map.attrs["comment"]
+        assert before < pulses[missing] < after and "Missing" in order_map.attrs["comment"]
     # Three missing pulses in a row are refused with their time and number.
     i = pulses.size // 2
-    message = rf"tacho = {pulses[i + 3]:.6g} s \(pulse {i}\) is not allowed.* 4 pulses.* be 1"
+    message = rf"tacho = {pulses[i + 3]:.6g} s \(pulse {i}\) is irregular.* 4 pulses.* be 1"
     with pytest.raises(ValueError, match=message):
         gearlib.order_map(data, tacho=np.delete(pulses, [i, i + 1, i + 2]), **tacho, **OPTIONS)
 

@@ -8,7 +8,7 @@ import xarray as xr
 
 from gearlib import Fourier, OneDegreePair, trust
 from gearlib.analysis.lyapunov import Exponent
-from gearlib.analysis.trust import LABELS, classify_motion, classify_at_tunings
+from gearlib.analysis.trust import LABELS, classify_at_tunings, classify_motion
 from tests.paper import PAPER_PAIR
 
 DAMPED = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
@@ -43,16 +43,24 @@ CONVERGENT, CHAOTIC = (-0.1, 0.01, -100.0), (0.1, 0.01, 100.0)
     ("high", "low", "period", "status", "exponent", "label", "words"),
     [
         ((2.0, 2.0), (0.0, 0.0), (3, 3), 0, CONVERGENT, "periodic", "agree"),
-        ((2.0, 2.1), (0.0, 0.0), (1, 1), 0, CONVERGENT, "undecided", "attracts"),
-        ((2.0, 2.0), (0.0, -0.1), (1, 1), 0, CONVERGENT, "undecided", "attracts"),
-        ((2.0, 2.0), (0.0, 0.0), (1, 0), 0, CONVERGENT, "undecided", "settle"),
-        ((2.0, 3.0), (0.0, 0.0), (0, 0), 0, CHAOTIC, "chaotic", "factor e"),
+        ((2.0, 2.1), (0.0, 0.0), (1, 1), 0, CONVERGENT, "undecided", "attractors"),
+        ((2.0, 2.0), (0.0, -0.1), (1, 1), 0, CONVERGENT, "undecided", "attractors"),
+        ((2.0, 2.0), (0.0, 0.0), (1, 0), 0, CONVERGENT, "undecided", "increase periods"),
+        ((2.0, 3.0), (0.0, 0.0), (0, 0), 0, CHAOTIC, "chaotic", "factor of e"),
         ((2.0, 3.0), (0.0, 0.0), (0, 0), 0, (0.1, 0.05, 100.0), "quasi-periodic", "neither"),
         ((2.0, 3.0), (0.0, 0.0), (0, 0), 0, (0.005, 1e-4, 5.0), "quasi-periodic", "neither"),
-        ((2.0, 2.0), (0.0, 0.0), (1, 1), 0, (0.0, 0.01, 0.0), "undecided", "run more"),
+        ((2.0, 2.0), (0.0, 0.0), (1, 1), 0, (0.0, 0.01, 0.0), "undecided", "increase periods"),
         ((2.0, 2.0), (0.0, 0.0), (1, 1), 2, (-0.1, 0.1, -9.0), "undecided", "run 0"),
         ((2.0, 2.0), (0.0, 0.0), (0, 0), 2, CHAOTIC, "unbounded", "bound"),
-        ((2.0, 2.0), (0.0, 0.0), (1, 1), 1, (-0.1, 0.1, -9.0), "undecided", "some runs failed: run 0"),
+        (
+            (2.0, 2.0),
+            (0.0, 0.0),
+            (1, 1),
+            1,
+            (-0.1, 0.1, -9.0),
+            "undecided",
+            "some runs failed: run 0",
+        ),
     ],
 )
 def test_a_label_follows_from_two_runs_and_the_exponent(
@@ -72,10 +80,12 @@ def test_an_exponent_of_linear_growth_is_not_positive():
     # Deviations of quasi-periodic motions grow in proportion to time, here by `rate` per period.
     for rate in (0.1, 1.0, 500.0):
         growth = math.log(rate * 4000)
-        assert not Exponent(growth / 4000, uncertainty=1e-9, growth=growth, periods=4000).positive
+        assert not Exponent(
+            growth / 4000, uncertainty=1e-9, log_growth=growth, periods=4000
+        ).positive
     # Exponential growth counts only if the exponent exceeds its uncertainty.
-    assert Exponent(0.02, uncertainty=0.002, growth=80.0, periods=4000).positive
-    assert not Exponent(0.02, uncertainty=0.02, growth=80.0, periods=4000).positive
+    assert Exponent(0.02, uncertainty=0.002, log_growth=80.0, periods=4000).positive
+    assert not Exponent(0.02, uncertainty=0.02, log_growth=80.0, periods=4000).positive
 
 
 def test_a_scan_over_tunings_matches_trust_at_each_tuning():

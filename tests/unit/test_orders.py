@@ -107,7 +107,7 @@ def test_the_last_revolution_counts_and_powers_have_squared_units():
         ({"acceleration": -math.inf}, {}, r"acceleration\[100\] = -inf is not .* NaN"),
         ({"time": 0.0}, {}, r"time\[100\] = 0.0 is not allowed: it must be later"),
         ({}, {"pulses_per_revolution": 60}, "pulses_per_revolution = 60 is not .* 1 without tacho"),
-        ({"speed": None}, {}, "tacho = None is not allowed for a dataset without"),
+        ({"speed": None}, {}, "tacho is missing: it is required for a dataset without"),
     ],
 )
 def test_signals_without_orders_are_refused(change, options, words):
