@@ -1,4 +1,4 @@
-"""The page of `gearlib gearbox FILE --report`: tables and pictures of a gearbox in one file."""
+"""Create the HTML report of `gearlib gearbox FILE --report`: tables and figures of a gearbox."""
 
 import base64
 import io
@@ -26,53 +26,53 @@ img {{ max-width: 100%; }}
 
 
 def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolutions=60) -> str:
-    """Return the HTML page of a gearbox, with its tables and pictures, as a string.
+    """Return an HTML report with tables and figures of a gearbox as a string.
 
-    `file` is the path of a REXS file (an exchange format of gearboxes), `text` the table of the
-    gearbox to show first. `damping_ratio` is the damping ratio of each mesh, `points` the number of
-    speeds of a stage, `orders` the highest multiple of a mesh frequency in the Campbell diagram,
-    `revolutions` the length of the run-up.
+    `file` is the path of a REXS file (an exchange format for gearboxes); `text` describes the
+    gearbox and comes first. `damping_ratio` is the damping ratio of each mesh, `points` the number
+    of speeds in the sweeps of a stage, `orders` the highest multiple of a mesh frequency in the
+    Campbell diagram, and `revolutions` the length of the run-up.
     """
-    # Pairs (stage, load case), and the load cases in which the whole gearbox can be computed.
-    stages, boxes, _ = gearboxes.list_computations(file)
+    # `stages` are pairs (stage, load case). In `complete_load_cases`, the whole gearbox can be
+    # computed.
+    stages, complete_load_cases, _ = gearboxes.list_computations(file)
     body = [f"<pre>{escape(text)}</pre>"]
     view = gearboxes.gearbox_outline(file)
     if view.sizes["part"]:
-        body += ["<h2>From the side</h2>", _image(gearbox_figure.draw_view(view))]
+        body += ["<h2>Side view</h2>", _html_image(gearbox_figure.draw_view(view))]
 
     def sweep_stage(job):
-        """Return dynamic factor and transmission error over speed; `job` is (stage, load case)."""
+        """Sweep a stage over speed; `job` is (stage, load case)."""
         return gearboxes.sweep_stage(file, job[0], job[1], damping_ratio, points)
 
-    # Threads run in parallel, because the kernels release the interpreter lock.
+    # The kernels release the interpreter lock, so threads run in parallel.
     with ThreadPoolExecutor(2) as pool:
         sweeps = list(pool.map(sweep_stage, stages))
-    body += ["<h2>Stages</h2>", _table(gearboxes.stage_rows(sweeps, file))]
+    body += ["<h2>Stages</h2>", _html_table(gearboxes.stage_rows(sweeps, file))]
     if sweeps:
-        body.append(_image(gearbox_figure.draw_stages(sweeps)))
-    for case in boxes:
-        box = gearboxes.analyse_gearbox(file, case, damping_ratio, orders)
+        body.append(_html_image(gearbox_figure.draw_stages(sweeps)))
+    for case in complete_load_cases:
+        gearbox = gearboxes.analyse_gearbox(file, case, damping_ratio, orders)
         run = gearboxes.compute_run_up_orders(file, case, damping_ratio, revolutions)
-        body += [f"<h2>The whole box, load case {escape(case)}</h2>"]
-        body += [_image(gearbox_figure.draw_modes(box))]
-        body += [_image(gearbox_figure.draw_run_up(run, box))]
-        body += [_table(gearboxes.gearbox_rows([box]))]
+        body += [f"<h2>The whole gearbox, load case {escape(case)}</h2>"]
+        body += [_html_image(gearbox_figure.draw_modes(gearbox))]
+        body += [_html_image(gearbox_figure.draw_run_up(run, gearbox))]
+        body += [_html_table(gearboxes.gearbox_rows([gearbox]))]
     return _PAGE.format(title=escape(Path(file).name), body="\n".join(body))
 
 
-def _image(figure) -> str:
-    """Return a matplotlib figure as an HTML image element that contains its PNG data."""
+def _html_image(figure) -> str:
+    """Convert a matplotlib figure to an HTML image element with embedded PNG data."""
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=150, metadata={"Software": None})
     data = base64.b64encode(content.getvalue()).decode("ascii")
     return f'<img src="data:image/png;base64,{data}" alt="">'
 
 
-def _table(rows) -> str:
-    """Return an HTML table as a string.
+def _html_table(rows) -> str:
+    """Convert table rows to an HTML table; the first row has the column names.
 
-    `rows` yields lists of cells; the first one has the names of the columns. Cells are escaped, so
-    that characters such as < do not end up as HTML tags.
+    Cells are escaped, because they may contain characters such as <.
     """
     header, *value_rows = rows
     names = "".join(f"<th>{escape(name)}</th>" for name in header)

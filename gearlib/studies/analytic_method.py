@@ -1,7 +1,7 @@
 """Compare the paper's analytic method and harmonic balance with exact orbits.
 
-Iterations, range of convergence, errors and the resonance curve of one gear pair; see
-`gearlib.schmidt` and `gearlib.harmonic_balance`.
+The study computes the iterates, the range of convergence, the errors and the resonance curve of one
+gear pair. See `gearlib.schmidt` and `gearlib.harmonic_balance`.
 """
 
 from collections.abc import Sequence
@@ -26,12 +26,11 @@ from gearlib.data.result import evaluate_on_grid, make_result
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import WARM_STARTED, sweep
 
-#: Samples per mesh period of the displayed time histories, and of initial guesses.
+#: Samples per mesh period of plotted time histories and of initial guesses.
 _SAMPLES, _GUESS_SAMPLES = 128, 1024
-#: Size of a correction below which an iteration has converged, and largest number of applications
-#: of the integral kernel.
+#: Convergence tolerance of a correction, and maximum number of applications of the integral kernel.
 _TOLERANCE, _MAX_APPLICATIONS = 1e-8, 200
-#: Number of harmonics of the exact orbit in the first iterate near it.
+#: Number of harmonics of the exact orbit that the first iterate contains.
 _START_HARMONICS = 3
 
 
@@ -40,14 +39,16 @@ def analytic_method_study(
 ) -> xr.Dataset:
     """Compare the paper's analytic method and harmonic balance with exact orbits of a gear pair.
 
-    The analytic method is E. Schmidt's: successive approximations, with Newton steps for the few
-    harmonics that are near resonance ("degenerate"). `tunings` (mesh frequency over natural
-    frequency) are those of the resonance curve and of the range of convergence. `run` has the
-    arguments periods and record_periods of `gearlib.sweep`, the numbers of computed and of
-    evaluated mesh periods. `settings` has the keys shown (tunings of single solutions), harmonics
-    (of a solution), iterations (number of iterates), iteration_harmonics (of an iterate),
-    balance_harmonics and schmidt_harmonics (lists of numbers of harmonics, for which the error of
-    each method is computed), and most_degenerate (largest number of degenerate harmonics).
+    The analytic method by E. Schmidt uses successive approximations, with Newton steps for the few
+    harmonics near resonance ("degenerate" harmonics). The resonance curve and the convergence are
+    computed at `tunings` (mesh frequency over natural frequency). `run` has the arguments periods
+    and record_periods of `gearlib.sweep`. `settings` has the keys
+
+    * shown: tunings at which single solutions are computed,
+    * harmonics: number of harmonics of a solution,
+    * iterations, iteration_harmonics: number of iterates, and of harmonics of an iterate,
+    * balance_harmonics, schmidt_harmonics: numbers of harmonics for which errors are computed,
+    * most_degenerate: maximum number of degenerate harmonics.
     """
     data = evaluate_on_grid(
         {"direction": WARM_STARTED},
@@ -78,27 +79,27 @@ def analytic_method_study(
 
 
 def _record_iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
-    """Return the iterates of E. Schmidt's method from the static deflection on, with their errors.
+    """Compute the iterates of E. Schmidt's method from the static deflection, and their errors.
 
-    E. Schmidt's method improves a periodic motion by successive approximations, and the harmonics
-    near resonance ("degenerate") by Newton steps. `tuning` is mesh frequency over natural
+    The method improves a periodic motion by successive approximations, and its harmonics near
+    resonance ("degenerate" harmonics) by Newton steps. `tuning` is mesh frequency over natural
     frequency. `settings` has the keys iterations (number of iterates), iteration_harmonics (number
     of harmonics of an iterate) and harmonics (of the converged solution). In the dataset,
-    degenerate_chosen is the number of degenerate harmonics; algebraic_step is 1 for iterates before
-    a Newton step.
+    degenerate_chosen is the number of degenerate harmonics, and algebraic_step is 1 for iterates
+    that are followed by a Newton step.
     """
     count = settings["iterations"] + 1
     iterates = np.full((count, _SAMPLES), np.nan)
     takes_newton_step = np.zeros(count, np.int8)
-    # The first item is the displacement, at _SAMPLES equal steps of a mesh period.
+    # `exact_motion` returns displacement and velocity at equidistant mesh phases.
     exact = simulate_orbit(periodic_orbit(pair, tuning), _SAMPLES)[0]
     equation = MeshEquation(pair, tuning, settings["iteration_harmonics"])
-    # Only the degenerate harmonics of the solution are used, so it may start at the exact orbit.
+    # This solution only selects the degenerate harmonics, so it may start from the exact orbit.
     solution = schmidt(pair, tuning, harmonics=settings["harmonics"], guess=exact)
     degenerate = np.array(solution.degenerate, int)
     coefficients = initial_coefficients(equation, guess=None)
     steps = iterate(equation, coefficients, degenerate, _TOLERANCE)
-    # A Newton step has been taken if its norm, which is inf before the first one, has changed.
+    # A change of the norm, which is inf before the first Newton step, shows that one was taken.
     last_step_norm = np.inf if degenerate.size else 0.0
     for j in range(count):
         iterates[j] = equation.to_grid(coefficients)[:: equation.samples // _SAMPLES]
@@ -107,7 +108,7 @@ def _record_iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Data
         last_step_norm = step.newton_step
         coefficients = step.coefficients
         if max(step.correction, last_step_norm) < _TOLERANCE:
-            break  # the other iterates stay NaN
+            break  # the remaining iterates stay NaN
     return xr.Dataset(
         {
             "iterate_displacement": (("iteration", "phase"), iterates),
@@ -120,23 +121,21 @@ def _record_iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Data
 
 
 def _compute_convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) -> dict:
-    """Compute contraction factors of E. Schmidt's iteration, and whether it converges.
+    """Compute contraction factors and convergence of E. Schmidt's iteration.
 
-    The contraction factor is the factor by which one successive approximation changes a small
-    error. Return a dict of variable names and variables over contact_loss (a pair without backlash,
-    which never loses contact; then the given pair), degenerate_count (number of harmonics solved by
-    Newton steps, 0 to `most_degenerate`) and tuning (mesh frequency over natural frequency).
-    `harmonics` is the number of all harmonics.
+    The contraction factor is the ratio of successive small errors. Return a dict of variables over
+    contact_loss (a linear pair that never loses contact, then `pair`), degenerate_count (number of
+    harmonics solved by Newton steps, 0 to `most_degenerate`) and tuning (mesh frequency over
+    natural frequency). `harmonics` is the total number of harmonics.
     """
     counts = range(most_degenerate + 1)
 
     def convergence_at(model: GearPair, tuning: float) -> dict:
-        """Return contraction factors and convergence for each number of degenerate harmonics.
+        """Compute contraction factors and convergence for each number of degenerate harmonics.
 
         Degenerate harmonics are near resonance and solved by Newton steps; "automatic" is the
-        number of those that the iteration selects by itself. It starts at the lowest
-        `_START_HARMONICS` harmonics of the exact orbit, so near this orbit but not on it. Factors
-        are NaN if there is no exact orbit.
+        number that the iteration selects itself. The iteration starts near the exact orbit, from
+        its lowest `_START_HARMONICS` harmonics. Factors are NaN if there is no exact orbit.
         """
         factors = np.full(len(counts), np.nan)
         converged = np.zeros(len(counts), np.int8)
@@ -149,7 +148,7 @@ def _compute_convergence(pair: GearPair, tunings, harmonics: int, most_degenerat
         start = np.where(np.arange(exact.size) <= _START_HARMONICS, exact, 0.0)
         limits = {"tolerance": _TOLERANCE, "max_applications": _MAX_APPLICATIONS}
         for i in counts:
-            degenerate = degenerate_harmonics(equation, i)  # the i harmonics nearest to resonance
+            degenerate = degenerate_harmonics(equation, i)  # the i harmonics closest to resonance
             factors[i] = contraction_factor(equation, exact, degenerate)
             _, _, converged[i], _ = iterate_until_converged(
                 equation, start, degenerate, adapt_degenerate=False, **limits
@@ -168,7 +167,7 @@ def _compute_convergence(pair: GearPair, tunings, harmonics: int, most_degenerat
 def _compute_method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: dict) -> dict:
     """Compute the errors of both approximate methods for each tuning and number of harmonics.
 
-    Errors are differences from exact periodic orbits, computed by shooting. `tunings` are mesh
+    Errors are differences from exact periodic orbits computed by shooting. `tunings` are mesh
     frequencies over the natural frequency. `harmonic_counts` maps "balance" (harmonic balance) and
     "schmidt" (E. Schmidt's method) to lists of numbers of harmonics. Return a dict of variables.
     """
@@ -178,10 +177,10 @@ def _compute_method_errors(pair: GearPair, tunings: Sequence[float], harmonic_co
     for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
 
         def errors_at(tuning: float, harmonics: int, name: str = name, solve: Any = solve) -> dict:
-            """Return the errors of displacement and velocity of one solution, as variable -> error.
+            """Return the displacement and velocity errors of one solution, as variable -> error.
 
-            The solution is computed by the function `solve` with this number of `harmonics` at a
-            tuning. The defaults bind the current values of the loop.
+            The function `solve` computes the solution with this number of `harmonics`. The default
+            arguments bind the current values of the loop variables.
             """
             solution = solve(pair, tuning, harmonics=harmonics, guess=guesses[tuning])
             error = compare_with_orbit(solution, orbits[tuning])
@@ -194,13 +193,12 @@ def _compute_method_errors(pair: GearPair, tunings: Sequence[float], harmonic_co
 
 
 def _compute_resonance_curves(pair, direction, tunings, harmonics, run) -> dict[str, np.ndarray]:
-    """Return the resonance curve of a gear pair by harmonic balance and by an exact sweep.
+    """Compute the resonance curve of a gear pair by harmonic balance and by an exact sweep.
 
-    It consists of the extrema of the displacement by both methods, and the stability of the
-    solutions of harmonic balance. Both methods follow the `tunings` (mesh frequency over natural
-    frequency) in the `direction` "up" or "down", each starting from its result at the previous
-    tuning. `harmonics` is the number of harmonics, `run` has further arguments of `gearlib.sweep`.
-    Values of harmonic balance are NaN where it finds no solution.
+    Return the extrema of the displacement by both methods, and the stability of the solutions of
+    harmonic balance. Both methods follow `tunings` (mesh frequency over natural frequency) in the
+    `direction` "up" or "down" and start from their result at the previous tuning. `run` has further
+    arguments of `gearlib.sweep`. Values are NaN where harmonic balance finds no solution.
     """
     curve = sweep(pair, tunings, direction=direction, **run)
     exact = {name: curve[name].values for name in ("displacement_max", "displacement_min")}
@@ -222,11 +220,10 @@ def _compute_resonance_curves(pair, direction, tunings, harmonics, run) -> dict[
 
 
 def _find_balance_solution(pair: GearPair, tuning: float, harmonics: int, neighbour: Any) -> Any:
-    """Return a periodic solution of harmonic balance at a tuning, or None if none is found.
+    """Find a periodic solution by harmonic balance at a tuning; return None if there is none.
 
-    The first initial guess is `neighbour`, the solution at the neighbouring tuning, unless it is
-    None. The second one is the default of `harmonic_balance`. `harmonics` is the number of
-    harmonics.
+    The initial guess is `neighbour`, the solution at the previous tuning or None. If that fails,
+    the default guess of `harmonic_balance` is used. `harmonics` is the number of harmonics.
     """
     guesses = [None] if neighbour is None else [neighbour, None]
     for guess in guesses:

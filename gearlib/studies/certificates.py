@@ -1,9 +1,9 @@
 """Prove statements about the paper's orbits by certificates that another program can check.
 
-For each damping, certificates are computed for orbits on the branches behind Fig. 3 at the tunings
-of the paper's statements, and for ranges of tunings with an orbit that never loses contact. For the
-reducer made of the first damped pair, they prove that the motion with contact in all six meshes,
-equal in all branches, is stable at one tuning and unstable at another one.
+For each damping, orbits on the solution branches of Fig. 3 are certified at the tunings mentioned
+in the paper, and ranges of tunings are certified in which an orbit never loses contact. For a
+reducer with the first damped pair, the certificates prove that the symmetric motion with contact in
+all six meshes is stable at one tuning and unstable at another.
 """
 
 import json
@@ -31,13 +31,13 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 FIG6_TUNINGS = (0.815, 0.8151)
 #: A tuning above the paper's range of contact loss, which ends at 1.12 within 0.01.
 TUNING_ABOVE_CONTACT_LOSS = 1.14
-#: Teeth of the reducer, and tunings at which its symmetric motion is stable and unstable.
+#: Numbers of teeth of the reducer, and tunings at which its symmetric motion is stable or unstable.
 REDUCER_TEETH, REDUCER_TUNINGS = (24, 36, 24, 36), (0.5, 0.6)
-#: Ranges of tunings begin and end at multiples of this step.
+#: The ends of certified ranges of tunings are multiples of this step.
 _TUNING_STEP = 1e-4
-#: Number of significant digits of states and tunings in certificates, on which processors agree.
+#: Significant digits of states and tunings in certificates, equal on all processors.
 _DIGITS = 11
-#: States that differ by less belong to the same orbit.
+#: Orbits whose states differ by less are the same orbit.
 _SAME_ORBIT_DISTANCE = 1e-6
 #: Contact state -> letter in the table.
 _CONTACT_LETTERS = {DRIVE: "D", NO_CONTACT: "F", COAST: "C"}
@@ -46,22 +46,25 @@ _CONTACT_LETTERS = {DRIVE: "D", NO_CONTACT: "F", COAST: "C"}
 def certify_branches(
     pairs: dict[str, GearPair], branches: dict, tunings, all_points: bool = False
 ) -> list[dict]:
-    """Certify the periodic orbits of several gear pairs, and return one dict per certificate.
+    """Certify the periodic orbits of several gear pairs; return a list with one dict per proof.
 
-    `pairs` maps names of damping combinations to pairs, `branches` the same names to datasets with
-    the branches of orbits over tuning (mesh frequency over natural frequency), as returned by
-    `gearlib.studies.resonance.compute_branches`. Orbits are certified at `tunings`, at the two
-    tunings of the paper's Fig. 6, and at one above the paper's range of contact loss. A dict has
-    the fields of `Certificate.as_dict`; or the claim "refusal" and a message why the proof failed;
-    or the claim "count" and the number of points of the branches by outcome. With `all_points`, the
-    certificates of these points are included. For the first damped pair, certificates of a reducer
-    ("gears": "reducer") are added.
+    `pairs` maps names of damping combinations to pairs, and `branches` maps these names to datasets
+    of `gearlib.studies.resonance.compute_branches`. Orbits are certified at `tunings` (mesh
+    frequency over natural frequency), at the two tunings of the paper's Fig. 6, and at one above
+    the paper's range of contact loss. Each dict has one of the forms
+
+    * the fields of `Certificate.as_dict`,
+    * the claim "refusal" with a message that explains why the proof failed,
+    * the claim "count" with the number of branch points for each outcome.
+
+    If `all_points` is true, the certificates of all branch points are included. Certificates of a
+    reducer with the first damped pair have the entry "gears": "reducer".
     """
     tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_CONTACT_LOSS})
     certificates = []
     for damping, pair in pairs.items():
         branch = branches[damping]
-        # Certificates of rounded states have the same bytes on all processors.
+        # With rounded states, certificates are identical on all processors.
         rounded = {
             name: branch[name].copy(data=_round_to_digits(branch[name]))
             for name in ("state", "tuning")
@@ -77,7 +80,7 @@ def certify_branches(
             pair_certificates += points
         certificates += [{"damping": damping} | entry for entry in pair_certificates]
     for damping, pair in pairs.items():
-        if pair.has_damping():  # a single damped pair is enough for the reducer
+        if pair.has_damping():  # one damped pair is enough for the reducer
             labels = {"damping": damping, "gears": "reducer"}
             certificates += [labels | certificate for certificate in _certify_reducer(pair)]
             break
@@ -85,13 +88,10 @@ def certify_branches(
 
 
 def _round_to_digits(values: Any) -> np.ndarray:
-    """Return an array of values rounded to `_DIGITS` significant digits.
-
-    Processors agree on these digits, so files of certificates have the same bytes everywhere.
-    """
+    """Round an array to `_DIGITS` significant digits, which are equal on all processors."""
 
     def rounded_value(value: float) -> float:
-        """Return a number rounded to `_DIGITS` significant digits."""
+        """Round a number to `_DIGITS` significant digits."""
         return float(f"{value:.{_DIGITS - 1}e}")
 
     return np.vectorize(rounded_value, otypes=[float])(values)
@@ -100,29 +100,29 @@ def _round_to_digits(values: Any) -> np.ndarray:
 def _certify_orbit(orbit: Any, tuning: float, last_tuning: float | None = None) -> dict:
     """Prove existence and stability of an orbit, and return the certificate as a dict.
 
-    The proof holds at `tuning` (mesh frequency over natural frequency) or, with `last_tuning`, for
-    all tunings between both. If it fails, the dict has the claim "refusal", and the status and the
-    message of the failure.
+    The proof holds at `tuning` (mesh frequency over natural frequency) or, if `last_tuning` is
+    given, for all tunings from `tuning` to `last_tuning`. If the proof fails, the dict has the
+    claim "refusal" with a status and a message.
     """
     orbit = replace(orbit, state=_round_to_digits(orbit.state))
     outcome = certify(orbit) if last_tuning is None else certify_range(orbit, to=last_tuning)
     if outcome:
         return outcome.as_dict()
-    # The outcome of a failed proof is false. Hexadecimal numbers are exact.
+    # Hexadecimal floats are exact.
     failure = {"claim": "refusal", "status": outcome.status, "message": outcome.message}
     return failure | {"tuning": float(tuning).hex()}
 
 
 def _certify_reducer(pair: GearPair) -> list[dict]:
-    """Certify the motion of a reducer that is equal in all its branches; return the certificates.
+    """Certify the symmetric motion of a split-power reducer; return the certificates.
 
-    The reducer shares the power between equal branches, and each of its meshes has the properties
-    of `pair`. `REDUCER_TUNINGS` are two values of mesh frequency over natural frequency, at which
-    this motion is stable and unstable. A tuning at which no orbit is found is left out.
+    All branches of the reducer move equally, and each mesh has the parameters of `pair`. The motion
+    is stable or unstable at the two `REDUCER_TUNINGS` (mesh frequency over natural frequency).
+    Tunings at which no orbit is found are skipped.
     """
     reducer = split_power_reducer(pair, teeth=REDUCER_TEETH)
     start = reducer.start_state("static")
-    common_period = reducer.repeats  # mesh periods after which the phases of all meshes repeat
+    common_period = reducer.repeats  # common period of all meshes, in mesh periods
     certificates = []
     for tuning in REDUCER_TUNINGS:
         try:
@@ -137,23 +137,23 @@ def _certify_ranges(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     """Certify ranges of tunings with an orbit that never loses contact; return the certificates.
 
     The tuning is mesh frequency over natural frequency. `branch` is a dataset with the points of
-    all branches of orbits of `pair`. A range lies between two successive special points, such as
+    all solution branches of `pair`. A range lies between two consecutive special points, such as
     folds and period doublings, and its ends are multiples of `_TUNING_STEP`.
     """
     tuning, label = branch.tuning.values, branch.label.values
     branch_number = branch.branch.values
     in_contact = branch.contacts.values == "D"  # drive-side contact during the whole period
     is_usable = in_contact & (branch.period.values == 1) & (label == REGULAR)
-    # Points at which a range ends: special points and the last point of each branch.
+    # Ranges end at special points and at the last point of each branch.
     ends = np.flatnonzero((label != REGULAR) | (np.diff(branch_number, append=-1) != 0))
     certificates = []
     for start_point, end_point in zip([0, *ends], ends, strict=False):
-        # A special point belongs to both neighbouring ranges, the end of a branch does not.
+        # A special point bounds both adjacent ranges; the end of a branch bounds only one.
         start_point += branch_number[start_point] != branch_number[end_point]
         inside = np.flatnonzero(is_usable[start_point : end_point + 1]) + start_point
         lower, upper = sorted((start_point, end_point), key=lambda point: tuning[point])
-        # Ranges stay at least one step away from special points. Multiples of the step, 1e-4, are
-        # not exact as floats, so quotients are rounded to 6 decimals and tunings to 4.
+        # Ranges end at least one step before special points. Multiples of the step 1e-4 are not
+        # exact floats, so quotients are rounded to 6 decimals and tunings to 4.
         lower_steps = math.ceil(round(tuning[lower] / _TUNING_STEP, 6))
         upper_steps = math.floor(round(tuning[upper] / _TUNING_STEP, 6))
         lower_tuning = round((lower_steps + (label[lower] != REGULAR)) * _TUNING_STEP, 4)
@@ -171,10 +171,10 @@ def _certify_ranges(pair: GearPair, branch: xr.Dataset) -> list[dict]:
 
 
 def _certify_orbits_at_tuning(pair: GearPair, branch: xr.Dataset, tuning: float) -> list[dict]:
-    """Certify all orbits of one mesh period on the branches at a tuning; return the certificates.
+    """Certify all period-one orbits on the branches at a tuning; return the certificates.
 
     The tuning is mesh frequency over natural frequency. `branch` is a dataset with the points of
-    all branches of orbits of `pair`. An orbit that two branches share is certified once.
+    all solution branches of `pair`. An orbit on several branches is certified once.
     """
     states: list[np.ndarray] = []
     certificates = []
@@ -191,15 +191,15 @@ def _certify_orbits_at_tuning(pair: GearPair, branch: xr.Dataset, tuning: float)
 
 
 def _interpolate_states(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
-    """Yield approximate states of the orbits at a tuning, as initial guesses for shooting.
+    """Yield approximate states of the period-one orbits at a tuning, as guesses for shooting.
 
-    A state is interpolated linearly between the two points at which a branch of orbits of one mesh
-    period passes the tuning. `branch` is a dataset with the points of all branches.
+    States are interpolated linearly between the two branch points that bracket the tuning (mesh
+    frequency over natural frequency). `branch` is a dataset with the points of all branches.
     """
     difference = branch.tuning.values - tuning
     branch_number = branch.branch.values
     states, period = branch.state.values, branch.period.values
-    # The tuning is passed between point i and the next one, if both belong to the same branch.
+    # The sign changes between points i and i + 1, which must belong to the same branch.
     for i in np.flatnonzero((difference[:-1] <= 0.0) != (difference[1:] <= 0.0)):
         if branch_number[i] == branch_number[i + 1] and period[i] == 1:
             fraction = difference[i] / (difference[i] - difference[i + 1])
@@ -207,10 +207,10 @@ def _interpolate_states(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
 
 
 def _certify_points(pair: GearPair, branch: xr.Dataset) -> list[dict]:
-    """Certify the orbit at every regular point of the branches of a pair; return the certificates.
+    """Certify the orbit at every regular branch point of a pair; return the certificates.
 
-    `branch` is a dataset with the points of all branches. Regular points are those that are not
-    special, as folds and period doublings are.
+    `branch` is a dataset with the points of all branches. Special points, such as folds and period
+    doublings, are skipped.
     """
     certificates = []
     for point in np.flatnonzero(branch.label.values == REGULAR):
@@ -222,7 +222,7 @@ def _certify_points(pair: GearPair, branch: xr.Dataset) -> list[dict]:
 def write_json(certificates: Sequence[dict], path: Path) -> None:
     """Write certificates to a JSON file as a list with one certificate per line.
 
-    A temporary file replaces `path` in one step, so that a reader never finds half a file.
+    The file is replaced atomically, so that readers never see an incomplete file.
     """
     lines = ",\n".join(json.dumps(certificate) for certificate in certificates)
     with atomic_write(path) as temporary:
@@ -230,19 +230,18 @@ def write_json(certificates: Sequence[dict], path: Path) -> None:
 
 
 def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
-    """Yield the rows of the table of certificates: the names of the columns, then their values.
+    """Yield the rows of the table of certificates, beginning with the column names.
 
-    `certificates` are the dicts of `certify_branches`; failed proofs (claim "refusal") and counts
-    are left out. The columns tuning and until are the first and the last tuning of a certified
-    range; contacts has one letter per contact state in turn: D drive-side contact, F no contact
-    (free flight), C coast-side contact. lowest is the smallest displacement of the orbit in static
-    deflections, and reason the argument for its stability.
+    `certificates` are the dicts of `certify_branches`; failed proofs and counts are skipped. The
+    columns tuning and until are the first and the last tuning of a certified range. contacts is the
+    sequence of contact states: D drive-side contact, F free flight, C coast-side contact. lowest is
+    the minimum displacement in units of the static deflection.
     """
     yield ["damping", "claim", "tuning", "until", "contacts", "lowest", "stability", "reason"]
     for certificate in certificates:
         if certificate["claim"] in ("count", "refusal"):
             continue
-        # An orbit at one tuning has the key "tuning", a range the keys "start" and "stop".
+        # Certificates of a range have the keys "start" and "stop" instead of "tuning".
         first_tuning = certificate.get("tuning", certificate.get("start"))
         contacts = "".join(_CONTACT_LETTERS[code] for code in certificate.get("pattern", ()))
         labels = [certificate[name] for name in ("damping", "gears") if name in certificate]
@@ -253,10 +252,10 @@ def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
 
 
 def _format_decimal(value: str | Sequence[str] | None) -> str:
-    """Return a number of a certificate as a decimal string, "" for None.
+    """Format a number of a certificate as a decimal string; return "" for None.
 
-    `value` is a hexadecimal float, or an enclosure: a pair of decimal strings (lower, upper end).
-    Enclosures are far narrower than the 10 digits of the result, so their lower end is used.
+    `value` is a hexadecimal float or an enclosure, a pair of decimal strings (lower and upper
+    bound). Enclosures are far narrower than the 10 printed digits, so the lower bound is used.
     """
     if value is None:
         return ""

@@ -14,28 +14,28 @@ from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.profiles import Rectangular
 
-#: Name of a method -> method and options of `Mesh.stiffness`.
+#: Name of a variant -> method and options of `GearStage.stiffness`.
 METHODS: dict[str, tuple[str, dict]] = {
     "iso": ("iso", {}),
     "energy": ("energy", {}),
     "energy_twice": ("energy", {"coupling": 0.0}),
     "energy_logarithmic": ("energy", {"hertz": "logarithmic"}),
 }
-#: Mean stiffnesses are compared with that of this method.
+#: Mean stiffnesses of other methods are compared with this method.
 REFERENCE_METHOD = "energy"
-#: Relative distance of two sampled phases from the jump of the stiffness between them.
+#: Relative distance of samples on both sides of a jump of the stiffness.
 _JUMP_WIDTH = 1e-6
 _GEARS = ["pinion", "wheel"]
 
 
 def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
-    """Compute the mesh stiffness of gear pairs by every method, over the mesh phase and as a mean.
+    """Compute the mesh stiffness of gear pairs over mesh phase, and its mean, by every method.
 
-    `pairs` maps names to dicts with the data of two gears, their torque (N m) and "published",
-    which maps sources to published mean stiffnesses (N/m). `samples` is the number of mesh phases.
-    The methods are those of ISO 6336 and variants of the energy method, see `METHODS`. In the
-    dataset, own_stiffness_ratio is the smallest stiffness by a method divided by the largest one,
-    and method_uncertainty is the relative uncertainty of a method.
+    `pairs` maps names to dicts with the data of two gears, their torque (N m) and "published", a
+    dict of published mean stiffnesses (N/m) by source. `samples` is the number of mesh phases. The
+    `METHODS` are the method of ISO 6336 and variants of the energy method. In the dataset,
+    own_stiffness_ratio is minimum over maximum stiffness by a method, and method_uncertainty the
+    relative uncertainty of the method.
     """
     meshes = {name: geometry.stage(gears) for name, gears in pairs.items()}
     phases = {
@@ -43,22 +43,19 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     }
 
     def stiffness_data(pair: str, method: str) -> dict:
-        """Return the mesh stiffness of a gear pair by a method, as variable -> value.
-
-        `pair` is a key of `pairs`, `method` a key of `METHODS`.
-        """
+        """Compute the mesh stiffness of a pair by a method, as variable -> value."""
         name, options = METHODS[method]
-        if name == "energy":  # only this method samples the mesh phase
+        if name == "energy":  # only this method needs samples
             options = options | {"samples": samples}
         stiffness = meshes[pair].stiffness(name, torque=pairs[pair]["torque"], **options)
         return {
             "mesh_stiffness": _evaluate_stiffness(stiffness, phases[pair]),
             "mean_mesh_stiffness": stiffness.mean_stiffness,
-            "own_stiffness_ratio": stiffness.stiffness_ratio,  # smallest over largest value
+            "own_stiffness_ratio": stiffness.stiffness_ratio,
             "method_uncertainty": stiffness.uncertainty,
         }
 
-    published = []  # (name of the pair, source, mean stiffness)
+    published = []  # tuples (name of the pair, source, mean stiffness)
     for name, gears in pairs.items():
         published += [(name, source, value) for source, value in gears["published"].items()]
     axes = {"pair": list(pairs), "stiffness_method": list(METHODS)}
@@ -67,7 +64,7 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
         "published_pair": ("published", np.array([name for name, _, _ in published], str)),
         "published_stiffness": ("published", np.array([value for *_, value in published], float)),
     }
-    # The uncertainty of a method is the same for all pairs, so that of the last pair is kept.
+    # The uncertainty of a method is the same for all pairs.
     _, uncertainties = data["method_uncertainty"]
     data["method_uncertainty"] = "stiffness_method", uncertainties[-1]
     coords = axes | {"published": np.array([source for _, source, _ in published], str)}
@@ -76,10 +73,10 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
 
 
 def _stiffness_sample_phases(contact_ratio: float, samples: int) -> np.ndarray:
-    """Return increasing mesh phases from -pi to pi, rad, at which the stiffness is sampled.
+    """Return mesh phases from -pi to pi (rad) at which the stiffness is sampled.
 
-    They have equal steps, with two additional points around each end of double contact, where the
-    stiffness jumps. Phase 0 is the middle of double contact.
+    The phases are equidistant, with additional phases just before and after each jump of the
+    stiffness, at the ends of double contact. Phase 0 is the middle of double contact.
     """
     end = math.pi * (contact_ratio % 1.0)
     end_points = end * np.array([1.0 - _JUMP_WIDTH, 1.0 + _JUMP_WIDTH])
@@ -88,10 +85,9 @@ def _stiffness_sample_phases(contact_ratio: float, samples: int) -> np.ndarray:
 
 
 def _evaluate_stiffness(stiffness: Any, phases: np.ndarray) -> np.ndarray:
-    """Return the mesh stiffness (N/m) at mesh phases (rad), each of the shape of `phases`.
+    """Evaluate a `MeshStiffness` (N/m) at mesh phases (rad), where 0 is mid double contact.
 
-    `stiffness` is a `MeshStiffness`; its profile over the mesh phase is rectangular or tabulated.
-    Phase 0 is the middle of double contact.
+    The profile of the stiffness over the mesh phase is rectangular or tabulated.
     """
     profile = stiffness.profile
     if isinstance(profile, Rectangular):
@@ -101,12 +97,11 @@ def _evaluate_stiffness(stiffness: Any, phases: np.ndarray) -> np.ndarray:
 
 
 def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
-    """Yield the rows of the table of mean stiffnesses: the names of the columns, then their values.
+    """Yield the rows of the table of mean stiffnesses, beginning with the column names.
 
     `stiffness` is a dataset from `mesh_stiffness`. Each gear pair has one row per method and one
-    per published value. stiffness_ratio is the smallest stiffness divided by the largest one;
-    from_reference is the relative deviation of the mean stiffness from that by the energy method,
-    `REFERENCE_METHOD`.
+    per published value. stiffness_ratio is minimum over maximum stiffness, and from_reference is
+    the relative deviation of the mean stiffness from `REFERENCE_METHOD`.
     """
     yield ["pair", "stiffness_method", "mean_stiffness", "stiffness_ratio", "from_reference"]
     for pair in stiffness.pair.values:
@@ -124,25 +119,28 @@ def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
 def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int) -> xr.Dataset:
     """Compute the static transmission error of a gear pair at several loads and tip reliefs.
 
-    `gears` has the data of two gears and the design torque (N m); pitch errors are left out.
+    `gears` has the data of two gears and the design torque (N m); pitch errors are ignored.
     `loads` are relative to the design load. `stiffness` (name of the method) and `phases` (number
-    of mesh phases) are arguments of `GearStage.transmission_error`. The reliefs are "none"; "own",
-    that of the gears, if they have any; "long", the best long relief at the design load; and
-    "short", the same amounts on half the length, because at the design load the amounts of a short
-    relief make little difference.
+    of mesh phases) are arguments of `GearStage.transmission_error`. The variants of tip relief are
+
+    * "none",
+    * "own": the relief of `gears`, if they have any,
+    * "long": the optimum long relief at the design load,
+    * "short": the same amounts on half the length. Short relief is not optimized, because its
+      amount has little effect at the design load.
     """
     torque = gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}
-    own = geometry.stage(gears | {name: gears[name] | {"pitch_errors": ()} for name in _GEARS})
-    meshes = {"none": own.with_reliefs(None, None), "own": own}
-    if meshes["none"] == own:
+    stage = geometry.stage(gears | {name: gears[name] | {"pitch_errors": ()} for name in _GEARS})
+    meshes = {"none": stage.with_reliefs(None, None), "own": stage}
+    if meshes["none"] == stage:
         del meshes["own"]
-    long_relief = optimum_relief(own, torque, length="long", **options)
+    long_relief = optimum_relief(stage, torque, length="long", **options)
     reliefs: list = [gear.tip_relief for gear in (long_relief.pinion, long_relief.wheel)]
-    halved = [replace(relief, length=relief.length / 2.0) for relief in reliefs]
-    meshes |= {"short": long_relief.with_reliefs(*halved), "long": long_relief}
+    short_reliefs = [replace(relief, length=relief.length / 2.0) for relief in reliefs]
+    meshes |= {"short": long_relief.with_reliefs(*short_reliefs), "long": long_relief}
     errors = []
-    amounts = []  # of pinion and wheel, m
+    amounts = []  # tip reliefs (m) of pinion and wheel, per variant
     for mesh in meshes.values():
         errors.append(mesh.transmission_error(torque * np.asarray(loads), **options))
         reliefs = [mesh.pinion.tip_relief, mesh.wheel.tip_relief]
@@ -150,6 +148,6 @@ def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int)
     variables = {"relief_amount": (("relief", "gear"), amounts), "design_torque": float(torque)}
     dataset = xr.concat(errors, "relief").assign(variables)
     dataset = dataset.assign_coords(relief=list(meshes), gear=_GEARS)
-    model = LoadSharingPair.from_geometry(own, torque=torque, stiffness=stiffness)
+    model = LoadSharingPair.from_geometry(stage, torque=torque, stiffness=stiffness)
     title = "Harris map: static transmission error at several loads, without pitch errors"
     return make_result(title, model, dataset, method="load sharing", phases=phases)

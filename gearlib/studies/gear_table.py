@@ -70,7 +70,7 @@ _DAMPING_NAMES = {"material_damping", "damping_ratio", "backlash_damping_ratio"}
 
 
 class Quantity(NamedTuple):
-    """A row of the table: a quantity of both gears, of the mesh, or by each stiffness method."""
+    """A row of the table: a quantity of both gears, of the mesh, or for each stiffness method."""
 
     name: str
     unit: str
@@ -83,30 +83,29 @@ def gear_quantities(
 ) -> list[Quantity]:
     """Return geometry, stiffness and load of two gears in mesh as rows of a table.
 
-    `mesh` is a `GearStage`. `damping` has damping ratios, which hold for every stiffness method, or
-    the coefficients material_damping and backlash_damping (N s/m); None means undamped. `options`
-    maps each stiffness method, "iso" or "energy", to its options. `load` has torque (N m), or power
-    (W) and speed (rpm). A method that is not valid for these gears is omitted; raise ValueError if
-    none is valid.
+    `mesh` is a `GearStage`. `damping` has either damping ratios, used for every stiffness method,
+    or the coefficients material_damping and backlash_damping (N s/m); None means undamped.
+    `options` maps the stiffness methods "iso" and "energy" to their options. `load` has torque
+    (N m), or power (W) and speed (rpm). Methods that are not valid for these gears are skipped;
+    raise ValueError if none is valid.
     """
     damping = damping or {"material_damping": 0.0}
     coefficients = {name: value for name, value in damping.items() if name in RATIOS.values()}
     ratios = {name: value for name, value in damping.items() if name not in coefficients}
     pairs = {}  # method -> `GearPair`
-    refusals = []  # errors of the methods that are not valid
+    errors = []  # of methods that are not valid for these gears
     for method in METHODS:
         stiffness = {"stiffness": method, "options": (options or {}).get(method)}
         try:
             pair = GearPair.from_geometry(mesh, **load, **stiffness, **ratios)
         except ValueError as error:
-            # ISO 6336 has no stiffness for transverse contact ratios below 1, and the gear body of
-            # the energy method is not defined for large bores.
-            refusals.append(error)
+            # ISO 6336 requires a transverse contact ratio of at least 1, and the gear body model of
+            # the energy method requires a small bore.
+            errors.append(error)
             continue
         pairs[method] = pair.replace(**coefficients)
     if not pairs:
-        raise refusals[0]
-    # Tip clearances (m) lie between the tip of a gear and the root of the mating gear.
+        raise errors[0]
     pinion_clearance, wheel_clearance = mesh.clearances
     gears = {"pinion": (mesh.pinion, pinion_clearance), "wheel": (mesh.wheel, wheel_clearance)}
     rows = [
@@ -123,54 +122,52 @@ def gear_quantities(
 
 
 def _describe_contradiction(pairs: dict[str, GearPair]) -> str:
-    """Return a note for the table if the methods contradict each other, else "".
+    """Return a note for the table if the stiffness methods contradict each other, else "".
 
-    They do if the ranges of the mean stiffness, each the mean with its `UNCERTAINTY`, do not
-    overlap. `pairs` maps the name of a stiffness method to the `GearPair` with this stiffness.
+    Methods contradict each other if their ranges of mean stiffness, mean +- `UNCERTAINTY`, do not
+    overlap. `pairs` maps the name of a method to the `GearPair` with this stiffness.
     """
     means = {method: pair.mean_stiffness for method, pair in pairs.items()}
-    largest_lower_end = max(mean * (1.0 - UNCERTAINTY[method]) for method, mean in means.items())
-    smallest_upper_end = min(mean * (1.0 + UNCERTAINTY[method]) for method, mean in means.items())
-    if largest_lower_end <= smallest_upper_end:
+    max_lower_bound = max(mean * (1.0 - UNCERTAINTY[method]) for method, mean in means.items())
+    min_upper_bound = min(mean * (1.0 + UNCERTAINTY[method]) for method, mean in means.items())
+    if max_lower_bound <= min_upper_bound:
         return ""
     ratio = max(means.values()) / min(means.values())
-    return f". The means differ by the factor {ratio:.3g}: these ranges do not overlap"
+    return f". The means differ by a factor of {ratio:.3g}: these ranges do not overlap"
 
 
 def _evaluate_quantities(
     definitions: Iterable[tuple], arguments: dict[str, tuple]
 ) -> list[Quantity]:
-    """Evaluate the functions of several quantities, and return a `Quantity` for each of them.
+    """Evaluate `definitions` of quantities, tuples (name, unit, meaning, function).
 
-    A definition is (name, unit, meaning, function). `arguments` maps the owner of a value, such as
-    "pinion" or the name of a stiffness method, to the arguments of the functions.
+    `arguments` maps the label of a column, such as "pinion" or the name of a stiffness method, to
+    the arguments of the functions.
     """
     quantities = []
     for name, unit, meaning, function in definitions:
-        values = {owner: function(*args) for owner, args in arguments.items()}
+        values = {label: function(*args) for label, args in arguments.items()}
         quantities.append(Quantity(name, unit, values, meaning))
     return quantities
 
 
 def quantity_rows(quantities: Iterable[Quantity]) -> Iterator[list]:
-    """Yield the names of the columns of a table, then a row for each value of each quantity.
+    """Yield table rows, beginning with the column names; each value of a quantity has one row.
 
-    A quantity may have several values. The column "of" names the owner of a value: a gear, the mesh
-    or the stiffness method.
+    The column "of" states the gear, the mesh or the stiffness method to which a value belongs.
     """
     yield ["name", "of", "value", "unit", "meaning"]
     for quantity in quantities:
-        for owner, value in quantity.values.items():
-            yield [quantity.name, owner, value, quantity.unit, quantity.meaning]
+        for label, value in quantity.values.items():
+            yield [quantity.name, label, value, quantity.unit, quantity.meaning]
 
 
 def table_rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
-    """Yield the rows of the table of a configuration: the names of the columns, then the values.
+    """Yield the rows of the gear table of a configuration, beginning with the column names.
 
-    The values are those of two gears or of a pair, then those of its damping combinations. `pairs`
-    maps names of damping combinations to the simulated pairs. `gears` has the data of two gears,
-    their torque (N m) and stiffness method, or is None if the pairs are not given by their
-    geometry.
+    The rows are quantities of the gears or of the pair, followed by those of the damping
+    combinations. `pairs` maps names of damping combinations to pairs. `gears` has the data of two
+    gears, their torque (N m) and stiffness method, or is None if their geometry is not given.
     """
     models = {name: (pair,) for name, pair in pairs.items()}
     if gears:
@@ -178,28 +175,29 @@ def table_rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]
         mesh = geometry.stage(gears)
         quantities = gear_quantities(mesh, options=options, torque=gears["torque"])
     else:
-        pair_argument = next(iter(models.values()))
+        any_pair = next(iter(models.values()))
         definitions = (*_PAIR_QUANTITIES, *_STIFFNESS_QUANTITIES)
-        quantities = _evaluate_quantities(definitions, {"pair": pair_argument})
+        quantities = _evaluate_quantities(definitions, {"pair": any_pair})
     quantities = [quantity for quantity in quantities if quantity.name not in _DAMPING_NAMES]
-    # The first item of an entry is the name of the quantity.
-    dampings = [entry for entry in _STIFFNESS_QUANTITIES if entry[0] in _DAMPING_NAMES]
-    header, *body = quantity_rows([*quantities, *_evaluate_quantities(dampings, models)])
+    damping_definitions = [
+        definition for definition in _STIFFNESS_QUANTITIES if definition[0] in _DAMPING_NAMES
+    ]
+    header, *body = quantity_rows([*quantities, *_evaluate_quantities(damping_definitions, models)])
     yield header
-    for name, owner, value, unit, meaning in body:
-        yield [name, owner, f"{value:.6g}", unit, meaning]
+    for name, label, value, unit, meaning in body:
+        yield [name, label, f"{value:.6g}", unit, meaning]
 
 
 def duty_point_rows(
     model: Any, speed: float, torque: float, stiffness_model: str
 ) -> Iterator[Quantity]:
-    """Yield the dynamic quantities of two gears at a duty point, that is a speed and a torque.
+    """Yield the dynamic quantities of two gears at a duty point, i.e. a speed and a torque.
 
-    `model` is a `LoadSharingPair`, which gives gears, damping and stiffness method; `speed` is in
-    rpm, `torque` in N m. `stiffness_model` describes the stiffness in the notes of the table. Of
-    the amplitudes of mesh orders (multiples of the mesh frequency), only the large ones are listed.
+    `model` is a `LoadSharingPair`, `speed` is in rpm and `torque` in N m. `stiffness_model` is a
+    description of the stiffness for the table. Small amplitudes of mesh orders (multiples of the
+    mesh frequency) are omitted.
     """
-    # The import is late, because a table without a duty point does not need compiled kernels.
+    # A table without a duty point does not need the compiled kernels of this module.
     from gearlib.analysis.duty_point import duty_point
 
     ratios = {name: getattr(model, name) for name in ("damping_ratio", "backlash_damping_ratio")}
@@ -213,7 +211,7 @@ def duty_point_rows(
     largest = np.fmax.reduce(amplitudes, axis=1, keepdims=True)
     is_large = amplitudes > _MIN_RELATIVE_AMPLITUDE * largest
     order_indices = np.flatnonzero(is_large.any(0))
-    # Unit in the dataset -> unit in the table, and the factor between both.
+    # Unit in the dataset -> (unit in the table, conversion factor).
     table_units = {"m": ("um", 1e6), "min-1": ("rpm", 1.0), "1": ("", 1.0)}
     for name, variable in point.drop_vars("torque").data_vars.items():
         unit, scale = table_units.get(variable.units, (variable.units, 1.0))

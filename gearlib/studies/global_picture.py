@@ -17,7 +17,7 @@ from gearlib.data.variables import add_metadata
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import WARM_STARTED
 
-#: Fill values for attractors that a case does not have.
+#: Fill values for cases with fewer attractors than others.
 _FILL_VALUES = {
     "basin": -1,
     "attractor_kind": UNDECIDED,
@@ -26,9 +26,12 @@ _FILL_VALUES = {
     "grazing": 0,
 }
 
+#: Codes of the flag "chaotic"; regular motions have the code 0.
+_CHAOTIC_FLAG, _UNDECIDED_FLAG = 1, 2
+
 
 def _join_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> xr.Dataset:
-    """Join the datasets of several cases along the dimension "case", labelled by their titles.
+    """Concatenate one dataset per case along "case", labelled with the titles of the cases.
 
     A case is a dict with the key title. The result has the attributes of the first dataset.
     `options` are further arguments of `xarray.concat`.
@@ -39,12 +42,12 @@ def _join_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> xr
 
 
 def compute_basins(cases: Sequence[dict], settings: dict, threads: int | None = None) -> xr.Dataset:
-    """Compute basins of attraction of several cases, along the dimension ``case``.
+    """Compute basins of attraction for several cases; the dataset has the dimension ``case``.
 
-    A basin is the set of initial states that lead to one attractor. A case has the keys title,
-    tuning (mesh frequency over natural frequency) and pair (a `GearPair`). `settings` has the keys
-    displacement and velocity, ranges (lowest, highest) of the initial states; count, the number of
-    initial states along each range; and periods, the number of mesh periods of a run.
+    A case is a dict with title, tuning (mesh frequency over natural frequency) and pair (a
+    `GearPair`). `settings` has the keys displacement and velocity, the ranges (lower limit, upper
+    limit) of the initial states; count, the number of initial states along each axis; and periods,
+    the number of mesh periods of each run.
     """
     grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
     options = {"periods": settings["periods"], "threads": threads}
@@ -59,14 +62,18 @@ def compute_bifurcation(
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """Compute a bifurcation diagram with Lyapunov exponents, and the basin stability.
 
-    The diagram is over `tunings` (mesh frequency over natural frequency), the basin stability over
-    the fewer tunings `coarse`. `settings` has the keys settle (mesh periods before the record),
-    strobes (number of recorded states, one per mesh period), exponent_periods (mesh periods of the
-    runs for the exponent), starts (number of random initial states), displacement and velocity
-    (their ranges), samples (number of initial states for the basin stability) and periods (mesh
-    periods of their runs). In the directions "up" and "down" each run starts at the end of the
-    previous one; in "cold n" all runs start from the n-th random state. ``settled`` is 1 for
-    periodic motions whose orbit does not depend on rounding. Return both datasets.
+    The diagram is computed at `tunings` (mesh frequency over natural frequency), and the basin
+    stability at the coarser grid `coarse`. `settings` has the keys
+
+    * settle, strobes: mesh periods before the record, and recorded states (one per mesh period),
+    * exponent_periods: mesh periods of the runs that determine the exponents,
+    * starts, displacement, velocity: number and ranges of random initial states,
+    * samples, periods: initial states and mesh periods of the runs for the basin stability.
+
+    In the directions "up" and "down" each run starts from the end of the previous one; in the
+    direction "cold n" all runs start from the n-th random state. The variable settled is 1 for
+    periodic motions whose orbit does not depend on rounding errors. Return (diagram, basin
+    stability).
     """
     region = settings["displacement"], settings["velocity"]
     names = [*WARM_STARTED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
@@ -81,7 +88,7 @@ def compute_bifurcation(
         diagram = bifurcation_diagram(pair, tunings, **options)
         states = diagram.final_state.values
         exponents = lyapunov.lyapunov_exponents(pair, tunings, states=states, **exponent)
-        # If a run of the diagram stopped early, its status explains the missing exponent.
+        # If a run of the diagram stopped early, its status is kept.
         codes = diagram.status.where(diagram.status != status.OK, exponents.status)
         diagrams.append(diagram)
         datasets.append(diagram.assign(exponents.data_vars).assign(status=codes))
@@ -96,23 +103,23 @@ def compute_bifurcation(
 
 
 def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:
-    """Return random initial states with a fixed seed, shape (count, 2).
+    """Draw `count` initial states (displacement, velocity) with a fixed seed, shape (count, 2).
 
-    `region` has the ranges (lowest, highest) of displacement and velocity.
+    `region` has the ranges (lower limit, upper limit) of displacement and velocity.
     """
     lowest, highest = np.array(region).T
     return lowest + np.random.default_rng(0).random((count, 2)) * (highest - lowest)
 
 
 def compute_poincare_sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
-    """Compute Poincare sections of motions from random initial states, along ``case``.
+    """Compute Poincare sections of motions from random initial states for several cases.
 
-    A Poincare section has one state per mesh period, at a fixed phase. A case has the keys title,
-    tuning (mesh frequency over natural frequency), phase (degrees), settle (mesh periods before the
-    record) and pair (a `GearPair`). `settings` has displacement and velocity, ranges of the initial
-    states, orbits (number of these states) and periods (mesh periods of the record). A motion is
-    chaotic if rounding errors change it completely and perturbations grow exponentially; it is
-    undecided if only one of these is true.
+    The dataset has the dimension "case". A case is a dict with title, tuning (mesh frequency over
+    natural frequency), phase of the section (degrees), settle (mesh periods before the record) and
+    pair (a `GearPair`). `settings` has the keys displacement and velocity (ranges of the initial
+    states), orbits (number of initial states) and periods (mesh periods of the record). A motion is
+    classified as chaotic if rounding errors change it completely and perturbations grow
+    exponentially, and as undecided if only one of these is true.
     """
     periods = settings["periods"]
     region = settings["displacement"], settings["velocity"]
@@ -130,10 +137,9 @@ def compute_poincare_sections(cases: Sequence[dict], settings: dict) -> xr.Datas
         ]
         depends_on_rounding = np.concatenate(growths)
         grows = np.array([exponent.grows_faster_than_linearly for exponent in exponents])
-        # Codes of the flags: 0 regular, 1 chaotic, 2 undecided.
-        regular_or_undecided = 2 * (depends_on_rounding | grows)
+        regular_or_undecided = _UNDECIDED_FLAG * (depends_on_rounding | grows)
         is_chaotic = depends_on_rounding & grows
-        chaotic = np.where(is_chaotic, 1, regular_or_undecided).astype(np.int8)
+        chaotic = np.where(is_chaotic, _CHAOTIC_FLAG, regular_or_undecided).astype(np.int8)
         values = [exponent.value for exponent in exponents]
         section = section.assign(chaotic=("orbit", chaotic), exponent=("orbit", values))
         datasets.append(section.drop_vars("strobe"))

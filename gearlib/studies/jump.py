@@ -1,10 +1,10 @@
-"""Find where the motion from rest jumps between two orbits over tuning, and what moves the jump.
+"""Find the tuning at which the motion from rest jumps to another orbit, and what shifts the jump.
 
-The jump is the largest change of orbit height between neighbouring tunings of a scan, refined by
-bisection. If the heights on both sides become equal, the curve is continuous and has no jump.
-Bisection stops where rounding errors decide on which side a motion ends. Step-controlled methods
-have visible errors at every tuning; their jumps are found from many initial states, each relative
-to the exact jump from the same state.
+The jump is the largest change of orbit height between neighbouring tunings of a scan. It is refined
+by bisection. If the heights on both sides become equal, the curve is continuous and has no jump.
+The bisection stops where rounding errors decide on which side a motion ends. For step-controlled
+methods, whose errors are much larger, jumps are computed from many initial states, each relative to
+the exact jump from the same state.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,20 +22,20 @@ from gearlib.models.profiles import Fourier
 from gearlib.runs.sweeping import sweep
 from gearlib.studies import many_starts
 
-#: Orbit heights that differ by less, in static deflections, count as equal.
+#: Orbit heights that differ by less (in units of the static deflection) count as equal.
 SAME_HEIGHT = 0.1
-#: Other methods search for their jump within this number of tuning steps of the exact jump.
+#: Inexact methods search for their jump within this number of tuning steps of the exact jump.
 _SEARCH_STEPS = 4
 
 
 class Jump(NamedTuple):
     """A jump of the orbit from rest between two tunings."""
 
-    tuning: float  #: middle of the last interval; NaN: there is no jump
-    below: float  #: peak-to-peak displacement below the jump in the scan, static deflections
-    above: float  #: peak-to-peak displacement above the jump
-    large_steps: int  #: number of height steps in the scan that are at least half the largest step
-    interval: float  #: width of the last interval; wide if rounding errors stopped the bisection
+    tuning: float  #: middle of the final interval; NaN if there is no jump
+    below: float  #: peak-to-peak displacement below the jump, in static deflections
+    above: float  #: peak-to-peak displacement above the jump, in static deflections
+    large_steps: int  #: number of steps of the height in the scan, at least half the largest
+    interval: float  #: width of the final interval; large if rounding errors stopped bisection
 
 
 def find_jump(
@@ -43,15 +43,15 @@ def find_jump(
 ) -> Jump:
     """Find the largest jump of the peak-to-peak displacement in a scan of increasing tunings.
 
-    The tuning is mesh frequency over natural frequency. `resolution` is the width to which the
-    interval of the jump is bisected, `run` has arguments of `gearlib.sweep`. In the direction
-    "cold" all runs have the same initial state, and tunings at which rounding errors decide the
-    motion are excluded. In the directions "up" and "down" bisection starts from the last state on
-    the side from which the sweep comes.
+    The tuning is mesh frequency over natural frequency. Bisection stops at an interval width of
+    `resolution`. `run` has arguments of `gearlib.sweep`. In the direction "cold" all runs start
+    from the same initial state, and tunings at which rounding errors decide the motion are
+    excluded. In the directions "up" and "down", runs of the bisection start from the last state
+    before the jump.
     """
     tunings = np.asarray(tunings, float)
     start = run.get("initial_state", (0.0, 0.0))
-    # Only exact runs are checked for rounding errors; the errors of step methods are much larger.
+    # For step methods, rounding errors are negligible compared with their truncation errors.
     is_exact = "method" not in run
     scan = sweep(model, tunings, direction=direction, **run)
     heights = orbit_heights(scan)
@@ -66,7 +66,7 @@ def find_jump(
         is_uncertain = depends_on_rounding(tunings[i : i + 2])
         if not is_uncertain.any():
             break
-        heights[i : i + 2][is_uncertain] = np.nan  # excluded, since steps at NaN are 0
+        heights[i : i + 2][is_uncertain] = np.nan  # steps from or to NaN are 0
         steps, is_large = height_steps(heights)
     i = int(np.argmax(steps))
     lower, upper = tunings[i : i + 2]
@@ -87,36 +87,36 @@ def find_jump(
         is_before_jump = is_below if direction == "up" else not is_below
         if direction != "cold" and is_before_jump:
             start = tuple(point.final_state.values[0])
-    # Equal heights on both sides, or NaN, mean that the curve is continuous.
+    # If the heights on both sides are equal or NaN, there is no jump.
     if not abs(above - below) > SAME_HEIGHT:
         return Jump(np.nan, np.nan, np.nan, large_steps=0, interval=upper - lower)
-    # Close to the jump runs settle slowly, so the heights of the scan are returned.
+    # Runs close to the jump settle slowly, so the heights are taken from the scan.
     below, above = float(heights[i]), float(heights[i + 1])
     return Jump(0.5 * (lower + upper), below, above, int(is_large.sum()), upper - lower)
 
 
 def orbit_heights(curve: xr.Dataset) -> np.ndarray:
-    """Return the peak-to-peak displacements of a sweep, in static deflections."""
+    """Return the peak-to-peak displacements of a sweep, in units of the static deflection."""
     return (curve.displacement_max - curve.displacement_min).values
 
 
 def height_steps(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the steps between neighbouring orbit heights, and a mask of the large steps.
+    """Return the absolute steps between neighbouring orbit heights, and a mask of large steps.
 
-    `heights`, shape (n,), are peak-to-peak displacements in static deflections. A large step is at
-    least half the largest one, and at least `SAME_HEIGHT`, below which heights count as equal.
-    Steps from or to NaN are 0.
+    `heights`, shape (n,), are peak-to-peak displacements in units of the static deflection. A step
+    is large if it is at least half the largest step and at least `SAME_HEIGHT`. Steps from or to
+    NaN are 0.
     """
     steps = np.nan_to_num(np.abs(np.diff(heights)), nan=0.0)
     return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
 
 
 def iterate_variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any, dict]]:
-    """Yield variations of a run: each with its kind, its value, a model, and arguments of `sweep`.
+    """Yield variations of a run as (kind, value, model, arguments of `gearlib.sweep`).
 
     `settings` has lists of values: harmonics (numbers of harmonics of a truncated stiffness),
-    factors (on damping and on backlash), displacements and velocities (of the initial state, in
-    static deflections; velocities are dx/dtau, with tau the mesh phase).
+    factors (for damping and backlash), displacements and velocities (initial states in units of the
+    static deflection; velocities are derivatives with respect to the mesh phase).
     """
     for count in settings["harmonics"]:
         yield "harmonics", count, OneDegreePair(pair=pair, profile=Fourier(count)), {}
@@ -135,9 +135,9 @@ def iterate_variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, fl
 def compute_jump_and_shifts(
     pair: GearPair, tunings: Sequence[float], settings: dict, run: dict
 ) -> xr.Dataset:
-    """Compute the tuning at which the motion from rest jumps, and how variations shift this jump.
+    """Compute the tuning at which the motion from rest jumps, and how variations shift it.
 
-    The tuning is mesh frequency over natural frequency. `run` has arguments of `sweep`. `settings`
+    The tuning is mesh frequency over natural frequency. `run` has arguments of `gearlib.sweep`. `settings`
     has the keys of `iterate_variations`, tolerances (of Runge-Kutta steps 4(5)), resolution (of the
     jump), and starts, seed and spread of the random initial states for each tolerance. In the
     dataset, height is the peak-to-peak displacement, switches the number of large height steps in
@@ -159,8 +159,8 @@ def compute_jump_and_shifts(
     def summary(variation: tuple) -> dict:
         """Return the variables of a variation (kind, value, shifts in tuning, large step count).
 
-        Only variations of the kind "tolerance" have shifts from several initial states, of which
-        median and range are taken; the other kinds have one shift and count as settled.
+        Variations of the kind "tolerance" have shifts from several initial states, summarized by
+        median and range. The other kinds have one shift and count as settled.
         """
         kind, value, shifts, large_step_count = variation
         finite = [shift for shift in shifts if np.isfinite(shift)] or [np.nan]
@@ -190,26 +190,26 @@ def _compute_tolerance_shifts(
 ) -> list:
     """Compute how each tolerance of a Runge-Kutta method shifts the jump in tuning.
 
-    A shift is relative to the exact jump from the same initial state, of which there are several.
-    Return (kind, tolerance, shifts, large step count) for each tolerance; the count is the median
-    number of large steps of the orbit height over tuning. `settings` has tolerances, resolution (of
-    the jump), and starts (number), seed and spread of the states; `run` has arguments of `sweep`.
+    Each shift is relative to the exact jump from the same initial state. Return a list of (kind,
+    tolerance, shifts from several initial states, median number of large steps of the orbit
+    height). `settings` has the keys tolerances, resolution (of the jump), and starts (number), seed
+    and spread of the initial states. `run` has arguments of `gearlib.sweep`.
     """
     resolution = settings["resolution"]
     rest = run.get("initial_state", (0.0, 0.0))
     states = [*map(tuple, many_starts.random_initial_states(pair, rest, settings))]
     runs = [run | {"initial_state": state} for state in states]
     exact_tunings = [find_jump(pair, tunings, resolution, **exact).tuning for exact in runs]
-    # The jump is searched only near the exact one; the half step is a margin for rounding errors.
+    # The jump is searched near the exact one. The half step is a margin for rounding errors.
     max_distance = (_SEARCH_STEPS + 0.5) * float(tunings[1] - tunings[0])
     variations = []
     for rtol in settings["tolerances"]:
-        # The ratio of the tolerances is that of the defaults of ode45.
+        # The ratio of the tolerances is the default of MATLAB's ode45.
         method = {"method": "rk45", "options": {"rtol": rtol, "atol": 1e-3 * rtol}}
         jumps = []
         shifts = []
         for exact, exact_tuning in zip(runs, exact_tunings, strict=True):
-            # If there is no exact jump, its tuning is NaN and the whole scan is used.
+            # If there is no exact jump, `exact_tuning` is NaN and all tunings are searched.
             nearby = tunings[~(np.abs(tunings - exact_tuning) > max_distance)]
             jump = find_jump(pair, nearby, resolution, **exact | method)
             jumps.append(jump)

@@ -1,10 +1,11 @@
-"""Find where motions from many random initial states end, and whether they settle on one orbit.
+"""Find the orbits on which motions from many random initial states settle.
 
-The late motion of a chaotic model depends on the last digit of its initial state. Results therefore
-refer to stable periodic orbits, refined by Newton's method from the end of a run, or to medians,
-ranges and fractions over many initial states. `settings` have the keys of the configuration:
-starts (number of initial states), first_starts (if these settle on one orbit, the others are not
-run), seed, spread (largest displacement in static deflections), periods and record_periods.
+The long-term motion of a chaotic model depends on the last digit of its initial state. Results are
+therefore stable periodic orbits, refined by Newton's method from the end of a run, or medians,
+ranges and fractions over many initial states. `settings` has keys of the configuration: starts
+(number of initial states), first_starts (if these settle on one orbit, the others are not run),
+seed, spread (largest random displacement in units of the static deflection), periods and
+record_periods (numbers of computed and of evaluated mesh periods).
 """
 
 import math
@@ -24,33 +25,33 @@ from gearlib.engines.orbit import Span
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import DIRECTIONS
 
-#: Flags of `settled`.
+#: Attributes of the variable settled.
 SETTLED_FLAGS = status.flag_attributes(("unsettled", "all_starts_on_one_stable_orbit"))
-#: Whether all starts end on one orbit, fraction of starts that end on stable orbits, number of
-#: these orbits, fraction on the most frequent one, and mesh periods of the common orbit (0: none).
+#: Whether all starts end on one orbit, fraction of starts that end on stable orbits, number of these
+#: orbits, fraction of starts on the most frequent one, and period of the common orbit (0: none).
 DISTRIBUTION_VARIABLES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
 SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")
-#: Small change of a state, static deflections, above rounding errors and below measurement errors.
+#: Perturbation in static deflections, larger than rounding errors but not measurable.
 _TINY_DISPLACEMENT = 1e-9
-#: A motion whose distance from an orbit is smaller, static deflections, may end on it.
+#: A motion closer to an orbit than this distance, in static deflections, may end on it.
 _CAPTURE_DISTANCE = 0.3
 #: Largest number of unsuccessful searches for an orbit at one tuning.
 _MAX_FAILED_SEARCHES = 3
 
 
 def random_initial_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndarray:
-    """Return copies of an initial state with random displacements, shape (starts, components).
+    """Return random initial states near `state`, shape (starts, state size).
 
     `state` is an array of coordinates and their velocities, or the name "static" or "rest".
-    `settings` has the keys starts (number of copies), seed (of the random numbers), and spread, the
-    largest random displacement in static deflections.
+    `settings` has the keys starts (number of states), seed, and spread (largest random displacement
+    in units of the static deflection). Velocities are not changed.
     """
     if isinstance(state, str):
         state = model.start_state(state)
     state = np.asarray(state, float)
     coordinate_count = state.size // 2
     states = np.tile(state, (settings["starts"], 1))
-    # Coordinates are displaced instead of modes, whose shapes are not unique at equal frequencies.
+    # Modes are not displaced, because their shapes are not unique if frequencies are equal.
     generator = np.random.default_rng(settings["seed"])
     displacements = generator.uniform(-1.0, 1.0, (len(states), coordinate_count))
     states[:, :coordinate_count] += settings["spread"] * displacements
@@ -58,23 +59,23 @@ def random_initial_states(model: Any, state: ArrayLike | str, settings: dict) ->
 
 
 def perturb_state(state: np.ndarray) -> np.ndarray:
-    """Return a copy of a state with a change that is tiny, but larger than rounding errors.
+    """Return a copy of a state with a perturbation that is tiny but exceeds rounding errors.
 
-    If the motion from it ends elsewhere, the result cannot be reproduced by a measurement.
+    If the motion from this state settles on another orbit, the result is not reproducible.
     """
-    # The cosines are a fixed pattern without symmetry, so that all modes are disturbed.
+    # The pattern of cosines has no symmetry, so that it perturbs all modes.
     return state + _TINY_DISPLACEMENT * np.cos(1.0 + np.arange(len(state)) ** 2.0)
 
 
 def median_and_range(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, xr.DataArray]:
-    """Return the median and the range of each variable over the initial states.
+    """Return the median and the range of variables over the initial states.
 
-    `names` are variables of `dataset` with the dimension "start". The median of a variable keeps
-    its name; its smallest and largest values are called <name>_low and <name>_high.
+    `names` are variables of `dataset` with the dimension "start". The median keeps the name of the
+    variable; minimum and maximum are called <name>_low and <name>_high.
     """
     ranges = {}
     with warnings.catch_warnings():
-        # The median of no values is NaN.
+        # numpy warns if all values are NaN.
         warnings.simplefilter("ignore", RuntimeWarning)
         for name in names:
             ranges[name] = dataset[name].median("start", skipna=True)
@@ -84,44 +85,44 @@ def median_and_range(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, xr.
 
 
 class FinalMotion(NamedTuple):
-    """The motion on which a run from one start ends; for several starts, arrays over the starts."""
+    """The motion on which a run settles; for several runs, each field is an array over the runs."""
 
     summary: np.ndarray  #: extrema and times as in `Model.empty_record`
-    orbit: int | np.ndarray  #: index of the stable orbit in the order of discovery, -1: none
-    period: int | np.ndarray  #: mesh periods of the orbit, 0: none
+    orbit: int | np.ndarray  #: index of the stable orbit in the order of discovery; -1: none
+    period: int | np.ndarray  #: period of the orbit in mesh periods; 0: no orbit
     state: np.ndarray  #: state at the end of a multiple of the common period
     status: int | np.ndarray  #: code of `gearlib.data.status`
 
     @property
     def settled(self) -> bool:
-        """Return whether all motions end on the same orbit, the first one that was found."""
+        """Return whether all motions settle on the same orbit, which has the index 0."""
         return bool(np.all(self.orbit == 0))
 
 
 class _Orbit(NamedTuple):
-    """A stable periodic orbit on which motions end."""
+    """A stable periodic orbit on which motions settle."""
 
-    period: int  #: mesh periods
-    states: list[np.ndarray]  #: at the start of each common period of the meshes
+    period: int  #: in mesh periods
+    states: list[np.ndarray]  #: states at the start of each common period of the meshes
     summary: np.ndarray  #: extrema and times as in `Model.empty_record`
 
 
 class _OrbitSearch:
-    """Search for the stable orbits of a model at one tuning on which motions end."""
+    """A search for the stable orbits of a model at one tuning on which motions settle."""
 
     def __init__(self, model: Any, tuning: float, settings: dict) -> None:
-        """Take a model, a tuning (mesh frequency over natural frequency), and settings of the runs.
+        """Prepare runs of a model at a tuning (mesh frequency over natural frequency).
 
         `settings` has the keys periods and record_periods (numbers of computed and of evaluated
-        mesh periods), and spread, the largest random displacement of an initial state in static
-        deflections.
+        mesh periods) and spread (largest random displacement of an initial state, in units of the
+        static deflection).
         """
         self.model, self.tuning = model, tuning
         self.propagator = model.propagator(tuning)
         self.record_periods = settings["record_periods"]
-        self.start_distance = 2.0 * settings["spread"]  # largest distance between two starts
-        # Both halves of a run last a multiple of twice the common period of the meshes. An orbit
-        # that repeats after one or two common periods then has the same state at both ends.
+        self.max_start_distance = 2.0 * settings["spread"]  # between two initial states
+        # Each half of a run lasts a multiple of twice the common period of the meshes, so that
+        # orbits of one or two common periods have the same state at both ends.
         double_period = 2 * model.repeats  # mesh periods
         periods = max(settings["periods"], 2 * self.record_periods)
         self.half_periods = math.ceil(periods / (2 * double_period)) * double_period
@@ -129,30 +130,30 @@ class _OrbitSearch:
         self.failed_searches = 0
         try:
             reduce, lift = model.reduction()
-            self.without_rotation = lift @ reduce  # removes the rigid-body rotation from states
+            self.rotation_filter = lift @ reduce  # removes rigid-body rotation from a state
         except ValueError:
-            # A damped rigid-body rotation comes to rest, so it is treated like other coordinates.
-            self.without_rotation = np.eye(model.size)
+            # A damped rigid-body rotation decays, so it is treated like other coordinates.
+            self.rotation_filter = np.eye(model.size)
 
     def run(self, state: np.ndarray, periods: int, record_periods: int) -> Any:
         """Run the model from a state over a number of mesh periods.
 
-        The last `record_periods` of them are evaluated in the summary of the result.
+        The summary of the result covers the last `record_periods` mesh periods.
         """
         span = Span(periods, record_periods, MAX_EVENTS)
         return self.propagator.run(state, span, keep_events=False)
 
     def final_motion(self, start: np.ndarray) -> FinalMotion:
-        """Return the motion on which the run from the initial state `start` ends.
+        """Return the motion on which the run from the initial state `start` settles.
 
-        The run has two halves, each of which ends with a state. If it approaches a known orbit,
-        this orbit is returned. If it seems to repeat, an orbit is searched near its end. In all
-        other cases the last mesh periods of the run itself are returned, with the orbit index -1.
+        The run has two halves. If it approaches a known orbit, this orbit is returned. If it seems
+        to be periodic, an orbit is searched near its end. In all other cases the last mesh periods
+        of the run itself are returned with the orbit index -1.
         """
         middle = end = self.run(np.array(start, float), self.half_periods, 1)
         if middle.status == status.OK:
             end = self.run(middle.state, self.half_periods, self.record_periods)
-        # A run that stopped early, in either half, has no motion.
+        # If the run stopped early, there is no motion.
         if end.status != status.OK:
             missing = np.full_like(end.summary, np.nan)
             return FinalMotion(missing, -1, 0, np.full(len(start), np.nan), end.status)
@@ -167,35 +168,35 @@ class _OrbitSearch:
         return FinalMotion(orbit.summary, index, orbit.period, orbit.states[0], end.status)
 
     def distance(self, state: np.ndarray, other: np.ndarray) -> float:
-        """Return the largest difference between two states, without rigid-body rotation.
+        """Return the largest difference between two states, ignoring rigid-body rotation.
 
-        A rigid-body rotation deforms no mesh, so it may differ between states of the same orbit.
+        A rigid-body rotation does not deform any mesh, so it may differ on the same orbit.
         """
-        return np.abs(self.without_rotation @ (state - other)).max()
+        return np.abs(self.rotation_filter @ (state - other)).max()
 
     def index_of_approached_orbit(self, middle: np.ndarray, end: np.ndarray) -> int:
         """Return the index of the known orbit that a motion approaches, or -1 if there is none.
 
         `middle` and `end` are the states after the first and the second half of the run. The motion
-        must end near the orbit (`_CAPTURE_DISTANCE`), and come closer or be as near as initial
-        states are to each other.
+        must end within `_CAPTURE_DISTANCE` of the orbit. It must also either have come closer in
+        the second half or end within the largest distance between initial states.
         """
         for index, orbit in enumerate(self.orbits):
             end_distance = min(self.distance(end, state) for state in orbit.states)
             middle_distance = min(self.distance(middle, state) for state in orbit.states)
-            approaches = end_distance < middle_distance or end_distance < self.start_distance
+            approaches = end_distance < middle_distance or end_distance < self.max_start_distance
             if approaches and end_distance < _CAPTURE_DISTANCE:
                 return index
         return -1
 
     def add_orbit(self, middle: np.ndarray, end: Any) -> int:
-        """Find and store the stable orbit on which a run ends; return its index, or -1.
+        """Find and store the stable orbit on which a run settles; return its index, or -1.
 
-        `middle` is the state after the first half of the run, `end` is the result of the second
-        half. Newton's method starts from the last state. The orbit is dropped again if the run does
-        not approach it.
+        `middle` is the state after the first half of the run, and `end` the result of the second
+        half. Newton's method starts from the final state. Orbits that the run does not approach are
+        discarded.
         """
-        common_period = self.model.repeats  # mesh periods after which all mesh phases repeat
+        common_period = self.model.repeats  # common period of all meshes, in mesh periods
         is_periodic = end.period and end.period % common_period == 0
         periods = [end.period] if is_periodic else [common_period, 2 * common_period]
         for period in periods:
@@ -205,12 +206,12 @@ class _OrbitSearch:
             except NoOrbit:
                 continue
             except ValueError:
-                # Newton's method fails for a damped rigid-body rotation. A run that repeats is then
-                # taken as a stable orbit.
+                # Newton's method fails if rigid-body rotation is damped. A periodic run is then
+                # regarded as a stable orbit.
                 is_stable, state = bool(is_periodic), end.state
             if not is_stable:
                 continue
-            # The orbit has one state at the start of each common period that it contains.
+            # Compute the states of the orbit at the start of each common period.
             states = [state]
             while len(states) < period // common_period:
                 states.append(self.run(states[-1], common_period, 1).state)
@@ -225,13 +226,13 @@ class _OrbitSearch:
 def find_final_motions(
     model: Any, tuning: float, states: np.ndarray, settings: dict
 ) -> FinalMotion:
-    """Return the motions on which the runs from several initial states end.
+    """Find the motions on which the runs from several initial states settle.
 
-    `states` has the shape (starts, components); `tuning` is mesh frequency over natural frequency.
+    `states` has the shape (starts, state size); `tuning` is mesh frequency over natural frequency.
     `settings` has the keys periods and record_periods (numbers of computed and of evaluated mesh
-    periods), spread (largest random displacement of the states), and first_starts: if the runs from
-    this number of states end on one orbit, the others are not run and count as ending there, too.
-    Orbits are numbered in the order of discovery; -1 means no orbit.
+    periods), spread (largest random displacement of the states) and first_starts. If the runs from
+    the first states, whose number is first_starts, settle on one orbit, the other runs are skipped
+    and assumed to settle on it, too. Orbits are numbered in the order of discovery; -1 means none.
     """
     search = _OrbitSearch(model, tuning, settings)
     first_starts = settings["first_starts"]
@@ -241,7 +242,7 @@ def find_final_motions(
     else:
         motions += [search.final_motion(state) for state in states[first_starts:]]
     if len(search.orbits) > 1:
-        # A motion counts as not settled if a tiny change of its start leads to another orbit.
+        # A motion is regarded as unsettled if a tiny perturbation leads to another orbit.
         for i, state in enumerate(states):
             if search.final_motion(perturb_state(state)).orbit != motions[i].orbit:
                 motions[i] = motions[i]._replace(orbit=-1, period=0)
@@ -251,17 +252,15 @@ def find_final_motions(
 def find_motions_from_equilibrium(
     model, tunings: Sequence[float], settings: dict
 ) -> list[FinalMotion]:
-    """Return the final motions from random states around static equilibrium, for each tuning.
+    """Find the motions from random states around static equilibrium at each tuning.
 
-    The tuning is mesh frequency over natural frequency. `settings` has the keys starts (number of
-    random states), first_starts (if these end on one orbit, the others are not run), seed, spread
-    (largest random displacement), periods and record_periods (numbers of computed and of evaluated
-    mesh periods).
+    The tuning is mesh frequency over natural frequency. `settings` has the keys `SETTINGS`, which
+    the docstring of this module describes.
     """
     states = random_initial_states(model, "static", settings)
 
     def motions_at(tuning: float) -> FinalMotion:
-        """Return the final motions from all initial states at a tuning."""
+        """Find the motions from all initial states at one tuning."""
         return find_final_motions(model, float(tuning), states, settings)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -269,15 +268,14 @@ def find_motions_from_equilibrium(
 
 
 def find_warm_started_motions(model, tunings, settings: dict, direction: str) -> list[FinalMotion]:
-    """Return the final motion at each tuning of a sweep "up" or "down" from a single state.
+    """Find the motion at each tuning of a sweep in the `direction` "up" or "down".
 
-    The tuning is mesh frequency over natural frequency. Each run starts close to the end of the
-    previous run, or close to static equilibrium if that run has not settled on an orbit. `settings`
-    has the keys of `SETTINGS`: periods, record_periods, starts (not used), first_starts, seed and
-    spread.
+    The tuning is mesh frequency over natural frequency. Each run starts near the end of the
+    previous run or, if that run has not settled on an orbit, near static equilibrium. `settings`
+    has the keys `SETTINGS`, of which starts is not used.
     """
     start = random_initial_states(model, "static", settings | {"starts": 1})
-    # The same small random displacement is added to the start of each run.
+    # The same random displacement is added to the initial state of each run.
     displacement = start - model.start_state("static")
     indices = np.argsort(tunings)
     if direction == "down":
@@ -293,15 +291,15 @@ def find_warm_started_motions(model, tunings, settings: dict, direction: str) ->
 def build_motion_dataset(
     model: Any, motions: Sequence[FinalMotion], settings: dict, names: Sequence[str]
 ) -> xr.Dataset:
-    """Return variables of motions over start, tuning and mesh, and their distribution over orbits.
+    """Return a dataset of motions over start, tuning and mesh, and their distribution over orbits.
 
-    `motions` has one `FinalMotion` of all initial states ("starts") per tuning, the dimensionless
-    mesh frequency; `names` are variables of `gearlib.sweep`; `settings` has the key record_periods
-    (evaluated mesh periods). In the dataset, settled_share is the fraction of starts that end on
+    `motions` has one `FinalMotion` per tuning, with arrays over the initial states ("starts").
+    `names` are variables of `gearlib.sweep`. `settings` has the key record_periods (number of
+    evaluated mesh periods). In the dataset, settled_share is the fraction of starts that settle on
     stable orbits, motion_count the number of these orbits, and largest_share the fraction of starts
-    that end on the most frequent one.
+    on the most frequent orbit.
     """
-    # Arrays (starts, tunings, ...).
+    # The arrays have the shape (starts, tunings, ...).
     summaries = np.stack([motion.summary for motion in motions], axis=1)
     orbits = np.stack([motion.orbit for motion in motions], axis=1)
     periods = np.stack([motion.period for motion in motions], axis=1)
@@ -311,7 +309,7 @@ def build_motion_dataset(
     variables = summary.summary_variables(
         model, ("start", "tuning"), summaries, states, periods_and_codes, settings["record_periods"]
     )
-    # Number of starts on each orbit, for each tuning; the index -1 means no orbit.
+    # Count the starts on each orbit at each tuning; the index -1 means no orbit.
     start_counts = []
     for indices in orbits.T:
         _, counts = np.unique(indices[indices >= 0], return_counts=True)

@@ -96,7 +96,7 @@ use rule _table as gearbox_modes_table with:
     pathvars:
         job="gearbox_modes_table",
     input:
-        boxes=[f"results/gearbox/box_{i}.nc" for i in range(len(BOXES))],
+        gearboxes=[f"results/gearbox/box_{i}.nc" for i in range(len(BOXES))],
         sources=sources_of("table", "studies.gearboxes"),
     output:
         **table_files("gearbox_modes", "Modes, load shares and frequencies, table", GEARBOX),
