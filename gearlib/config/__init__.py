@@ -41,8 +41,8 @@ def load(mapping: dict) -> Any:
         mapping = _add_unused_pair(mapping)
     if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
         raise ConfigError(
-            "gears and gear_pair are not allowed together: give either the geometry of the gears or "
-            "the parameters of the gear pair"
+            "gears and gear_pair are not allowed together: give either the geometry of the gears "
+            "or the parameters of the gear pair"
         )
     try:
         completed, context = defaults.add_defaults(mapping)

@@ -213,10 +213,10 @@ class Config(Section):
     def pair(self, damping: str | Damping | None = None, change: Any = None) -> dict:
         """Return a dict that describes the gear pair with one damping combination.
 
-        It has the key "model", which is "pair", and the arguments from which `from_values.build_model`
-        builds the model. `damping` is a section with damping coefficients or the name of one in the
-        configuration; None means no damping. `change` is a section with other values for some
-        parameters of the pair, or None.
+        It has the key "model" with the value "pair", and the arguments with which
+        `from_values.build_model` builds the model. `damping` is a section with damping coefficients
+        or its name in the configuration; None means no damping. If the section `change` is given,
+        its values replace those of the pair.
         """
         if isinstance(damping, str):
             damping = self.dampings[damping]

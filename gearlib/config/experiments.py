@@ -72,7 +72,9 @@ class Resonance(grid_with_defaults(0.5, 1.4, 0.0005)):
 class PhasePlanes(Section):
     """The phase planes (Fig. 5): one run for each tuning and damping."""
 
-    tunings: Distinct[t.Tuning] = field("Tunings, one row each.", [0.6, 0.66, 0.78, 0.8, 0.81, 0.82])
+    tunings: Distinct[t.Tuning] = field(
+        "Tunings, one row each.", [0.6, 0.66, 0.78, 0.8, 0.81, 0.82]
+    )
 
 
 class PhaseLag(grid_with_defaults(0.56, 0.79, 0.005)):
@@ -98,7 +100,7 @@ class Jump(t.SeededStarts, grid_with_defaults(0.78, 0.86, 0.001)):
         "Numbers of stiffness harmonics to use instead of the full rectangle.", [1, 2, 3, 5, 10, 20]
     )
     factors: Distinct[p.Positive] = field(
-        "Factors by which the damping, and then the backlash, is multiplied.",
+        "Factors by which the damping or the backlash is multiplied.",
         [0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0],
     )
     displacements: Distinct[p.Finite] = field(
@@ -321,7 +323,9 @@ class Scene(Section):
         }
         missing, model_name = missing_histories.get(self.model, ((), ""))
         for i, history in enumerate(self.courses):
-            allowed = f"a time history of the model {model_name}; otherwise use the model six_degrees"
+            allowed = (
+                f"a time history of the model {model_name}; otherwise use the model six_degrees"
+            )
             checks.require(history not in missing, f"courses[{i}]", history, allowed)
         return self
 
@@ -439,9 +443,7 @@ class StabilityChart(grid_with_defaults(0.2, 2.6, 0.02)):
     """Spectral radii of fixed-step methods for a mesh that never loses contact."""
 
     damping: t.DampingName = field("One of the dampings. Default: the smallest.", None)
-    fine_step: t.Distance = field(
-        "Step between the tunings of the exact spectral radius.", 0.002
-    )
+    fine_step: t.Distance = field("Step between the tunings of the exact spectral radius.", 0.002)
     steps: Distinct[integer(1, 100_000)] = field(
         "Numbers of steps per mesh period.",
         [4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256],

@@ -1,4 +1,4 @@
-"""Names of the gears of a configuration, as figures, pages and commands print them."""
+"""Names of the gears of a configuration for figures, pages and commands."""
 
 import math
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ _TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 def gear_stage_name(pair: Any, modified: bool = True, pitch_errors: bool = True) -> str:
     """Return the name of gears given by geometry: "gear pair z 23/61, m 2.5 mm, tip relief".
 
-    `pair` is a `StageSection`, z stands for the numbers of teeth and m for the normal module.
-    `modified` is False if a computation ignores tip reliefs and pitch errors of the gears, and
-    `pitch_errors` is False if it ignores pitch errors; the name then says that they are left out.
+    The name states the numbers of teeth z and the normal module m. `pair` is a `StageSection`. If
+    a computation neglects tip relief and pitch errors (`modified` is false) or only pitch errors
+    (`pitch_errors` is false), the name says that they are left out.
     """
     pinion, wheel = pair.pinion, pair.wheel
     is_fzg = all(getattr(pair, gear).model_dump() == FZG_C[gear] for gear in ("pinion", "wheel"))
@@ -35,10 +35,7 @@ def gear_stage_name(pair: Any, modified: bool = True, pitch_errors: bool = True)
 
 
 def _module_and_helix(gear: Any) -> str:
-    """Return text with the normal module of a gear and, if not zero, its helix angle.
-
-    `gear` is the section of the gear.
-    """
+    """Format the normal module and, unless it is zero, the helix angle of a gear section."""
     helix = f", β {math.degrees(gear.helix_angle):.6g}°" if gear.helix_angle else ""
     return f"m {1e3 * gear.module:.6g} mm{helix}"
 
@@ -46,22 +43,23 @@ def _module_and_helix(gear: Any) -> str:
 def parameters_differ(base: dict, changed: dict) -> bool:
     """Return whether two configurations have valid gear pairs with different names.
 
-    Both are contents of YAML files. The name of a pair states its maximum stiffness, stiffness
-    ratio, contact ratio and reduced mass, so that pairs with another load or backlash do not
-    differ. If one of the pairs is missing or not valid, return False.
+    Both are contents of YAML files. The name of a pair depends on its maximum stiffness, stiffness
+    ratio, contact ratio and reduced mass, but not on load and backlash. Return False if one of the
+    pairs is missing or invalid.
     """
     try:
-        pairs = [GearPairSection.model_validate(x.get("gear_pair")) for x in (base, changed)]
+        base_pair = GearPairSection.model_validate(base.get("gear_pair"))
+        changed_pair = GearPairSection.model_validate(changed.get("gear_pair"))
     except ValidationError:
         return False
-    return pairs[0].name != pairs[1].name
+    return base_pair.name != changed_pair.name
 
 
 def gear_pair_name(config: Any, modified: bool = True, pitch_errors: bool = True) -> str:
     """Return the name of the gear pair of a configuration, for titles and captions.
 
-    For gears given by geometry, `modified` is False if a computation ignores their tip reliefs and
-    pitch errors, and `pitch_errors` is False if it ignores pitch errors; the name then says so.
+    If a computation neglects tip relief and pitch errors (`modified` is false) or only pitch errors
+    (`pitch_errors` is false), the name of gears given by geometry says so.
     """
     if config.gears:
         return gear_stage_name(config.gears, modified, pitch_errors)
@@ -69,39 +67,38 @@ def gear_pair_name(config: Any, modified: bool = True, pitch_errors: bool = True
 
 
 def gear_pair_name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) -> str:
-    """Return the name of the gear pair of a configuration with its model of stiffness.
+    """Return the name of the gear pair of a configuration, including its stiffness model.
 
-    The model is that of single pairs of teeth if `teeth`, else a stiffness that alternates between
-    two values (the rectangle). Only the name of gears given by geometry states it, with the method
-    that computes the stiffness. `pitch_errors` is False if the computation ignores pitch errors.
+    If `teeth` is true, each tooth pair has its own stiffness; otherwise the mesh stiffness is a
+    rectangle. Only for gears given by geometry, the name states the stiffness model and the method
+    with which the stiffness is computed. `pitch_errors` is false if pitch errors are neglected.
     """
     gears, name = config.gears, gear_pair_name(config, modified=teeth, pitch_errors=pitch_errors)
     if config.profile:
         name += f"; {create_profile(**config.profile.model_dump()).description}"
     if gears is None:
         return name
-    # By default pairs of teeth use the method that suits the geometry, and the rectangle ISO 6336.
+    # By default, the geometry determines the method for tooth pairs; the rectangle uses ISO 6336.
     method = gears.stiffness or (gears.mesh().tooth_stiffness if teeth else "iso")
     name += f"; {'pairs of teeth' if teeth else 'rectangle'}, {METHOD_NAMES[method]}"
     return name + (describe_unused_options(gears) if teeth else "")
 
 
 def describe_unused_options(gears: Any) -> str:
-    """Return text on the configured stiffness options that pairs of teeth do not use, else ""."""
+    """Describe the configured stiffness options that tooth pairs ignore; return "" if none."""
     names = {*(gears.stiffness_options or ())} & {"hertz", "application_factor"}
     return f", without {' and '.join(sorted(names))}" if names else ""
 
 
 def reducer_name(config: Any) -> str:
-    """Return the name of the reducer of the section `reducer`, whose meshes are the gear pair."""
+    """Return the name of the reducer in the section `reducer`, for titles and captions."""
     return _format_reducer_name(config, config.reducer.teeth)
 
 
 def _format_reducer_name(config: Any, teeth: Sequence[int] | None) -> str:
-    """Return the name of a reducer whose meshes are all the gear pair of the configuration.
+    """Return the name of a reducer in which every mesh is the gear pair of the configuration.
 
-    `teeth` are the numbers of teeth of its gears from input to output; None means those of the
-    reducer in the paper.
+    `teeth` lists the numbers of teeth from input to output; None means the reducer of the paper.
     """
     is_paper = not teeth or list(teeth) == type(config.reducer).model_fields["teeth"].default
     name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {'/'.join(map(str, teeth))}"
@@ -111,8 +108,8 @@ def _format_reducer_name(config: Any, teeth: Sequence[int] | None) -> str:
 def train_name(config: Any) -> str:
     """Return the name of the gear train of a configuration, for titles and captions.
 
-    `config.train.kind` is the name of the section that describes the train; "own" is a train of the
-    user's own bodies and meshes.
+    The section of the train has the name `config.train.kind`; "own" is a train of user-defined
+    bodies and meshes.
     """
     kind, section = config.train.kind, getattr(config.train, config.train.kind)
     if kind == "planetary":
@@ -132,5 +129,5 @@ def train_name(config: Any) -> str:
 
 
 def is_paper(config: Any) -> bool:
-    """Return whether the gear pair of a configuration is the paper's, with its rectangle."""
+    """Return whether the gear pair of a configuration is the paper's pair, without a profile."""
     return gear_pair_name(config) == "paper's pair" and config.profile is None

@@ -1,4 +1,4 @@
-"""Sections of gear geometry: `gears`, which replaces `gear_pair`, and the gears of studies."""
+"""Sections for gear geometry: `gears`, which replaces `gear_pair`, and gears of studies."""
 
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal
@@ -25,14 +25,14 @@ FZG_C = {
     "backlash": 50e-6,
     "torque": 302.0,
 }
-#: Pair with 20 teeth each from the literature on backlash; backlash and torque are assumed.
+#: Pair of two gears with 20 teeth from the literature; backlash and torque are assumed.
 Z20_PAIR = {
     "pinion": {"teeth": 20, "module": 0.01, "width": 0.03, "material": {"young": 200e9}},
     "wheel": {"teeth": 20},
     "backlash": 50e-6,
     "torque": 500.0,
 }
-#: Section of a study of gear geometry -> its key of the gears.
+#: Section of a study of gear geometry -> the key of its gears.
 GEARS_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears", "dynamic_factor": "gears"}
 _RING_KEYS = ("internal", "outer_diameter")
 
@@ -40,33 +40,34 @@ _RING_KEYS = ("internal", "outer_diameter")
 _RACK = {key: x.annotation for key, x in p.declared_parameters(Rack).items()}
 GearSection = create_section(
     "GearSection",
-    "One gear by geometry, see `gearlib.geometry.SpurGear`.",
+    "A gear given by geometry, see `gearlib.geometry.SpurGear`.",
     SpurGear,
     exclude=_RING_KEYS,
     optional=("module", "width", "pressure_angle", "helix_angle", "rack"),
-    addendum=(_RACK["addendum"], field("Addendum h_aP of another rack, in modules.", None)),
-    dedendum=(_RACK["dedendum"], field("Dedendum h_fP of another rack, in modules.", None)),
+    addendum=(_RACK["addendum"], field("Addendum h_aP of a custom rack, in modules.", None)),
+    dedendum=(_RACK["dedendum"], field("Dedendum h_fP of a custom rack, in modules.", None)),
     fillet_radius=(
         _RACK["tip_radius"],
-        field("Fillet radius rho_fP of another rack, in modules.", None),
+        field("Fillet radius rho_fP of a custom rack, in modules.", None),
     ),
 )
-_DOC = "The driving gear by geometry; its revolutions are counted."
+_DOC = "The driving gear, given by geometry; revolutions are those of this gear."
 PinionSection = create_section("PinionSection", _DOC, SpurGear, "module", "width", base=GearSection)
-_DOC = "The other gear; left out, its module, width, angles, rack and material are the pinion's."
+_DOC = "The driven gear; module, width, angles, rack and material default to those of the pinion."
 WheelSection = create_section("WheelSection", _DOC, SpurGear, *_RING_KEYS, base=GearSection)
-_DOC = "A gear of a train by geometry, see `gearlib.geometry.SpurGear`."
+_DOC = "A gear of a train, given by geometry, see `gearlib.geometry.SpurGear`."
 BodyGear = create_section("BodyGear", _DOC, SpurGear, *_RING_KEYS, base=PinionSection)
 _Placed = create_section(
-    "_Placed", "Two gears in their places.", GearStage, exclude=("pinion", "wheel")
+    "_Placed", "Two gears at their centre distance.", GearStage, exclude=("pinion", "wheel")
 )
 
 
 def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) -> SpurGear:
-    """Return the `SpurGear` that a section describes; error messages name its key `section_key`.
+    """Return the `SpurGear` described by the section `gear`.
 
-    `gear` is the section. Values that it lacks, such as the module, are taken from the section
-    `pinion` of the mating gear, if given, or from `defaults`, further fields of `SpurGear`.
+    Omitted values, such as the module, are taken from `pinion`, the section of the mating gear, if
+    given, or from `defaults` (fields of `SpurGear`). Error messages contain `section_key`, the key
+    of the section.
     """
     pinion_values = None if pinion is None else pinion.model_dump()
     with checks.prefix_error_paths(section_key):
@@ -74,53 +75,53 @@ def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) 
 
 
 class MethodSection(Section):
-    """Method of computing the mesh stiffness of gears given by geometry."""
+    """Method with which the mesh stiffness of gears given by geometry is computed."""
 
     stiffness: Literal["iso", "energy"] = field(
-        "Stiffness by ISO 6336-1, method B, or by the energy method. Default: energy or, if a bore "
-        "is too large for it, iso; of the rectangle iso.",
+        "Stiffness by ISO 6336-1, method B, or by the energy method. Default: iso for the "
+        "rectangle, otherwise energy, or iso if a bore is too large for the energy method.",
         None,
     )
     stiffness_options: dict[t.Name, t.Option] = field(
-        "Options of that method: iso has application_factor; energy samples, coupling, twist, "
-        "hertz.",
+        "Options of the method: application_factor for iso; samples, coupling, twist and hertz for "
+        "energy.",
         None,
     )
 
     def stiffness_arguments(self) -> dict:
         """Return the arguments `stiffness` and `options` of `GearStage.pair_parameters`.
 
-        They are the method of computing the mesh stiffness and a dict of its options. Arguments
-        that the configuration does not state are left out. The torque is not allowed as an option,
-        because it is a key of the section itself.
+        They are the method with which the mesh stiffness is computed, and a dict of its options.
+        Arguments that are not given in the configuration are omitted. Raise an error if the options
+        contain the torque, which is a key of the section itself.
         """
         arguments = self.model_dump(include={"stiffness", "stiffness_options"})
         if "stiffness_options" in arguments:
             arguments["options"] = arguments.pop("stiffness_options")
             if "torque" in arguments["options"]:
-                problem = "is not allowed: it must be the key torque of the section"
+                problem = "is not allowed: give the torque as the key torque of the section"
                 raise checks.InputError("stiffness_options.torque", problem=problem)
         return arguments
 
     def option_keys(self, section: str = "") -> dict[str, str]:
-        """Return a dict: name of each stiffness option -> its key in the configuration.
+        """Return a dict: name of each stiffness option -> its configuration key.
 
-        Error messages name these keys. `section` is the start of each key, such as "meshes[0].".
+        The keys are used in error messages. `section` is a prefix of all keys, e.g. "meshes[0].".
         """
         return {name: f"{section}stiffness_options.{name}" for name in self.stiffness_options or ()}
 
 
 class StageSection(_Placed):
-    """A pair of gears by geometry, and its load."""
+    """A pair of gears given by geometry, and its load."""
 
     pinion: PinionSection
     wheel: WheelSection
     torque: p.DrivingTorque = field("Torque of the pinion, N m.")
 
     def mesh(self) -> GearStage:
-        """Return the `gearlib.geometry.GearStage` of the two gears.
+        """Return the two gears as a `gearlib.geometry.GearStage`.
 
-        Values that the section of the wheel lacks are taken from the pinion.
+        Values omitted in the section of the wheel are taken from the pinion.
         """
         pinion = spur_gear("pinion", self.pinion)
         wheel = spur_gear("wheel", self.wheel, self.pinion)
@@ -129,12 +130,11 @@ class StageSection(_Placed):
     def check(self, stiffness_methods: Iterable[str]) -> None:
         """Raise an error if the gears are impossible or their stiffness cannot be computed.
 
-        `stiffness_methods` are the methods to try: "iso" (ISO 6336-1), "energy" (deformation energy
-        of the teeth), both or none.
+        `stiffness_methods` are the methods to check: "iso" (ISO 6336-1), "energy" (deformation
+        energy of the teeth), both or none.
         """
         values = self.model_dump(include={"pinion", "wheel", "centre_distance"})
-        # The default gears are known to be valid. Computing them would slow each start of the
-        # workflow.
+        # The default gears are known to be valid; checking them would slow down the workflow.
         if any(values.items() <= pair.items() for pair in (FZG_C, Z20_PAIR)):
             return
         mesh = self.mesh()
@@ -142,10 +142,9 @@ class StageSection(_Placed):
             mesh.pair_parameters(torque=self.torque, stiffness=method)
 
     def modification_key(self, *keys: str) -> str:
-        """Return the first of the `keys` that pinion or wheel has, as "pinion.tip_relief", else "".
+        """Return the first of `keys` that is given for a gear, e.g. "pinion.tip_relief", or "".
 
-        Without arguments the keys are tip_relief and pitch_errors, by which flanks deviate from
-        involutes.
+        The default keys are "tip_relief" and "pitch_errors", i.e. deviations from an involute.
         """
         for gear_name in ("pinion", "wheel"):
             for key in keys or ("tip_relief", "pitch_errors"):
@@ -155,20 +154,20 @@ class StageSection(_Placed):
 
 
 class Gears(MethodSection, StageSection):
-    """A pair of gears by geometry, in place of gear_pair, which is derived from it."""
+    """A pair of gears given by geometry, from which gear_pair is derived."""
 
     torque: p.DrivingTorque = field("Torque of the pinion, N m; or power and speed.", None)
     power: p.Power = field("Power of the pinion, W.", None)
-    speed: p.Speed = field("Speed of the pinion, rpm; with a torque, of its duty point.", None)
+    speed: p.Speed = field("Operating speed of the pinion, rpm.", None)
 
     @model_validator(mode="after")
     def _check(self) -> "Gears":
-        """Raise ValueError if the values of a gear pair cannot be computed from the gears."""
+        """Raise ValueError if no gear pair can be derived from the geometry."""
         self.pair()
         return self
 
     def load(self) -> dict[str, float]:
-        """Return the given values among torque (N m), power (W) and speed (rpm) of the pinion."""
+        """Return those of torque (N m), power (W) and speed (rpm) of the pinion that are given."""
         return self.model_dump(include={"torque", "power", "speed"})
 
     def driving_torque(self) -> float:
@@ -176,13 +175,13 @@ class Gears(MethodSection, StageSection):
         return rounded(torque_of(self.torque, self.power, self.speed))
 
     def geometry_dict(self) -> dict:
-        """Return the geometry, the stiffness method and the pinion torque (N m) as a dict."""
+        """Return geometry, stiffness method and torque of the pinion (N m) as a dict."""
         return self.model_dump(exclude={"power", "speed"}) | {"torque": self.driving_torque()}
 
     def pair(self) -> dict:
-        """Return the values of the section `gear_pair` that follow from the geometry, as a dict.
+        """Return the values of the section `gear_pair`, computed from the geometry, as a dict.
 
-        They are rounded to 12 digits. The damping is left out, because it has a section of its own.
+        They are rounded to 12 digits. The damping has its own section.
         """
         mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
         with checks.prefix_error_paths(
@@ -192,11 +191,11 @@ class Gears(MethodSection, StageSection):
         return {name: rounded(value) for name, value in values.items() if "damping" not in name}
 
     def six_degrees(self) -> dict:
-        """Return the values of the section `six_degrees` that follow from the geometry.
+        """Return the values of the section `six_degrees`, computed from the geometry, as a dict.
 
-        They are radii, inertias and masses of both gears and the mesh phase at the pitch point.
-        Friction, run-out and bearing damping are 0. The bearing stiffness is left out, because the
-        gears do not determine it.
+        They are the radii, inertias and masses of both gears and the mesh phase at the pitch point.
+        Friction, run-out and bearing damping are zero. The bearing stiffness is omitted, because it
+        cannot be computed from the gears.
         """
         zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
         values = {key: rounded(value) for key, value in six_degree_parameters(self.mesh()).items()}
@@ -205,13 +204,13 @@ class Gears(MethodSection, StageSection):
 
 
 class PublishedPair(StageSection):
-    """A pair of gears by geometry, with published values of its stiffness."""
+    """A pair of gears given by geometry, with published values of its mesh stiffness."""
 
     published: dict[t.Name, p.Stiffness] = field("Published mean stiffness by source, N/m.", {})
 
     @model_validator(mode="after")
     def _check(self) -> "PublishedPair":
-        """Raise ValueError if one of the two stiffness methods fails for the gears."""
+        """Raise ValueError if one of the two stiffness methods fails for these gears."""
         self.check(stiffness_methods=("iso", "energy"))
         return self
 
@@ -223,43 +222,39 @@ class MeshStiffness(Section):
         "Pairs of gears by name.",
         {"z20-20": Z20_PAIR | {"published": {"ISO": 4.9e8, "thumb": 5.2e8}}, "FZG-C": FZG_C},
     )
-    samples: t.integer(8, 4096) = field("Number of phases in the mesh period.", 64)
+    samples: t.integer(8, 4096) = field("Number of phases per mesh period.", 64)
 
 
 class HarrisMap(Section):
-    """The static transmission error of gears at several loads, with own and best tip reliefs."""
+    """The static transmission error at several loads, with the given and the optimal tip relief."""
 
     gears: StageSection = field(
-        "The pair at its design load; pitch errors are left out. By default FZG type C.",
+        "The pair at its design load, without pitch errors. Default: FZG type C.",
         FZG_C | {"backlash": 160e-6},
     )
-    stiffness: Literal["energy", "iso"] = field("Stiffness of a pair of teeth.", "energy")
+    stiffness: Literal["energy", "iso"] = field("Stiffness of a tooth pair.", "energy")
     loads: t.Distinct[p.NonNegative] = field(
-        "Loads over the design load.", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
+        "Loads relative to the design load.", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
     )
-    phases: t.integer(8, 10_000) = field("Number of phases in the mesh period.", 256)
+    phases: t.integer(8, 10_000) = field("Number of phases per mesh period.", 256)
 
     @model_validator(mode="after")
     def _check(self) -> "HarrisMap":
-        """Raise ValueError if the gears or their mesh stiffness are impossible to compute.
-
-        The Harris map shows the static transmission error at several loads and needs this
-        stiffness.
-        """
+        """Raise ValueError if the gears are impossible or their stiffness cannot be computed."""
         with checks.prefix_error_paths("gears"):
             self.gears.check(stiffness_methods=[self.stiffness])
         return self
 
 
 class DynamicFactor(Section):
-    """Dynamic factor and transmission error of pairs of teeth over speed, up and down."""
+    """Dynamic factor and transmission error over speed, for increasing and decreasing speed."""
 
     gears: StageSection = field(
-        "The pair and its load; pitch errors are left out. By default FZG type C.",
+        "The pair and its load, without pitch errors. Default: FZG type C.",
         FZG_C | {"backlash": 160e-6},
     )
     damping_ratio: t.number(gt=0, lt=1) = field(
-        "Damping ratio of these gears; the section gears has its own dampings.", 0.05
+        "Damping ratio of these gears; the section gears uses the section dampings.", 0.05
     )
     start: p.Speed = field(
         "First speed of the pinion, rpm. Default: a tenth of the resonance speed.", None
@@ -269,23 +264,22 @@ class DynamicFactor(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "DynamicFactor":
-        """Raise ValueError if the gears are impossible or the speeds do not increase.
+        """Raise ValueError if the gears are impossible or `stop` does not exceed `start`.
 
-        `start` and `stop` are speeds in rpm; None means that they follow from the resonance speed
-        later.
+        A speed of None is replaced later by a multiple of the resonance speed.
         """
         with checks.prefix_error_paths("gears"):
             self.gears.check(stiffness_methods=())
-        allowed = f"above start = {self.start!r}"
+        allowed = f"greater than start = {self.start!r}"
         is_range = self.start is None or self.stop is None or self.start < self.stop
         checks.require(is_range, "stop", self.stop, allowed)
         return self
 
 
 def uses_configured_gears(config: Any, section_name: str) -> bool:
-    """Return whether a section without gears of its own uses those of the section `gears`.
+    """Return whether a study uses the gears of the section `gears`, because it defines none itself.
 
-    `section_name` is a key of `GEARS_KEYS`, such as "harris_map".
+    `section_name` is the section of the study, a key of `GEARS_KEYS` such as "harris_map".
     """
     section = getattr(config, section_name)
     return config.gears is not None and GEARS_KEYS[section_name] not in section.model_fields_set
@@ -294,27 +288,27 @@ def uses_configured_gears(config: Any, section_name: str) -> bool:
 def stage_sections(config: Any, section_name: str) -> dict[str, StageSection]:
     """Return the gears of a study of gear geometry as a dict: name -> `StageSection`.
 
-    `section_name` is a key of `GEARS_KEYS`, such as "harris_map". If this section states no gears,
-    they are the gears of the section `gears` of the configuration.
+    `section_name` is the section of the study, a key of `GEARS_KEYS` such as "harris_map". If it
+    defines no gears itself, those of the section `gears` are returned.
     """
     if not uses_configured_gears(config, section_name):
         pairs = getattr(getattr(config, section_name), GEARS_KEYS[section_name])
         return pairs if isinstance(pairs, dict) else {section_name: pairs}
     torque = config.gears.driving_torque()
-    # `PublishedPair` is the class in the section mesh_stiffness; this pair has no published values.
+    # The section mesh_stiffness requires a `PublishedPair`; this one has no published values.
     pair = PublishedPair.model_construct(**dict(config.gears) | {"torque": torque})
     return {f"z{pair.pinion.teeth}-{pair.wheel.teeth}": pair}
 
 
 def configured_gears_error(config: Any, section_name: str) -> str:
-    """Return the reason why a study cannot use the gears of the section `gears`, else "".
+    """Return an error message if a study cannot use the gears of the section `gears`, else "".
 
-    `section_name` is the section of the study, a key of `GEARS_KEYS`. There is no reason if it
-    states gears of its own.
+    `section_name` is the section of the study, a key of `GEARS_KEYS`. If it defines gears itself,
+    there is no error.
     """
     if not uses_configured_gears(config, section_name):
         return ""
-    # The stiffness methods that each study needs.
+    # The stiffness methods that each study uses.
     methods = {"mesh_stiffness": ["iso", "energy"], "harris_map": [config.harris_map.stiffness]}
     try:
         for pair in stage_sections(config, section_name).values():

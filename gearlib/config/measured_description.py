@@ -1,6 +1,6 @@
-"""The YAML file beside a measured table: origin of the data, and meaning of the columns.
+"""The YAML file that describes a measured table: origin of the data, meaning of the columns.
 
-Names come from PEtab: observableId, simulationConditionId, measurement, time, noiseParameters.
+Names are those of PEtab: observableId, simulationConditionId, measurement, time, noiseParameters.
 """
 
 import re
@@ -21,9 +21,9 @@ from gearlib.data import measured_names
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.parameters import Finite, Load, describe_requirement, numeric_parameters
 
-#: Unit of channels with raw counts of a converter; unit of channels with dates and times of day.
+#: Unit of channels with raw counts of a converter; unit of channels with dates and times.
 COUNTS, DATES = "counts", "ISO 8601"
-#: Property of the test rig that should be known -> keys that state it.
+#: Property of the test rig that should be known -> keys of the section `known` that specify it.
 _EXPECTED_FACTS = {
     "contact_ratio": {"contact_ratio", "gears"},
     "stiffness": {"stiffness", "max_stiffness", "mean_stiffness", "stiffness_ratio", "gears"},
@@ -34,26 +34,25 @@ _EXPECTED_FACTS = {
     "transmission_error": {"transmission_error"},
     "ramp_rate": {"ramp_rate", "acceleration"},
 }
-#: Suffixes of files that include the times; suffixes of all files.
+#: Suffixes of file formats that include the times; suffixes of all file formats.
 _TIMED_FORMATS = (".uff", ".unv")
 _FORMATS = (".csv", *_TIMED_FORMATS)
 #: Observables that are compared as time histories.
 _TIME_HISTORIES = {"displacement", "velocity", "acceleration", "dynamic_force"}
-#: Unit of a ratio -> factor to the unit 1; pint would read some of these units as angles.
+#: Unit of a ratio -> conversion factor to the unit 1; pint would parse some of these as angles.
 _RATIOS = {"1": 1.0, "percent": 0.01, "%": 0.01}
 
 
 def _text(max_length):
-    """Return the type of a string of 1 to `max_length` characters, for a configuration key."""
-    comment = f"a text of 1 to {max_length} characters"
-    return t.text(comment, min_length=1, max_length=max_length)
+    """Return the type of a string with 1 to `max_length` characters."""
+    allowed = f"a text of 1 to {max_length} characters"
+    return t.text(allowed, min_length=1, max_length=max_length)
 
 
 def _read_facts(value):
-    """Return `value` if it is a dict whose keys are strings, else raise ValueError.
+    """Return the section `known` if it is a dict with strings as keys, else raise ValueError.
 
-    It is the section `known`: facts about the test rig by name. The error needs no message, because
-    pydantic makes one from the type of the section.
+    The section contains facts about the test rig. pydantic generates the error message.
     """
     if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
         raise ValueError
@@ -61,26 +60,28 @@ def _read_facts(value):
 
 
 _Key = Annotated[str, Field(pattern="(?s).")]
-# YAML reads the unit 1 as a number.
+# YAML parses the unit 1 as a number.
 _Unit = Annotated[_text(40), BeforeValidator(lambda unit: "1" if type(unit) is int else unit)]
-_Facts = t.custom_type(_read_facts, ["object"], "a mapping of names to what is known")
+_Facts = t.custom_type(_read_facts, ["object"], "a mapping of names to values")
 _Known = Literal["known", "unknown"]
 _Checksum = t.text("a checksum of 64 hexadecimal digits", pattern="^[0-9a-f]{64}$")
 
 
 class FitSection(Section):
-    """Model and parameters that `gearlib fit` fits to a measured set."""
+    """Model and free parameters that `gearlib fit` fits to a measured set."""
 
-    model: Literal["pair", "six_degrees", "train"] = field("Kind of the model.", None)
-    free: dict[_Key, list_of(t.Option, 2)] = field("Lowest and highest value by parameter.", {})
+    model: Literal["pair", "six_degrees", "train"] = field("Kind of model.", None)
+    free: dict[_Key, list_of(t.Option, 2)] = field(
+        "Lowest and highest value of each free parameter.", {}
+    )
 
 
 def free_range(name, limits):
-    """Return [lowest, highest value] of a parameter that `gearlib fit` varies, in SI units.
+    """Return the limits [lowest, highest value] of a parameter to be fitted, in SI units.
 
-    `name` is the name of the parameter, and `limits` has two numbers or strings with units. A
-    parameter that does not belong to a gear pair may have any finite limits. Raise ValueError if a
-    limit is not allowed.
+    `name` is the name of the parameter, and `limits` are two numbers or strings with units. If it
+    is not a parameter of a gear pair, any finite limits are allowed. Raise ValueError if a limit is
+    not allowed.
     """
     parameter = numeric_parameters(PairParameters).get(name)
     annotation = list_of(parameter.annotation if parameter else Finite, 2)
@@ -93,89 +94,91 @@ def free_range(name, limits):
 
 
 class Channel(Section):
-    """One column of a table, or one observable of a long one."""
+    """One column of a table, or one observable of a table in long format."""
 
     observableId: _text(80) = field("Observable. Default: the key of the channel.", None)
     unit: _Unit = field("Unit of the values: um, N, rpm, deg, counts, ISO 8601 ...", None)
-    sensor: _text(200) = field("Sensor that measured it.", None)
-    noise: t.Option = field("Standard deviation, in the unit of the channel or its own.", None)
+    sensor: _text(200) = field("Sensor that measured the values.", None)
+    noise: t.Option = field(
+        "Standard deviation: a number in the unit of the channel, or a string with a unit.", None
+    )
     gain: _Known = field("unknown: the sensor is not calibrated.", None)
-    offset: _Known = field("unknown: the zero means nothing.", None)
-    counts_per_turn: t.integer(2, 2**32) = field("Counts of one turn of an encoder.", None)
-    count: _text(40) = field("Value of one count of another converter: 0.1 um.", None)
+    offset: _Known = field("unknown: the zero of the sensor is arbitrary.", None)
+    counts_per_turn: t.integer(2, 2**32) = field("Counts per turn of an encoder.", None)
+    count: _text(40) = field("Value of one count of any other converter, e.g. 0.1 um.", None)
     gaps: p.Boolean = field("Whether empty cells are points that were not measured.", None)
 
     def check(self, key):
         """Raise ValueError if the keys of this channel are not compatible.
 
-        A channel is a column of the measured table, and `key` is its name in the section
-        `channels`. Values may be raw counts of a converter; then the value of one count must be
-        known, unless the gain is unknown or the observable is a bare number.
+        `key` is the name of the channel in the section `channels`. If the values are raw counts of
+        a converter, the value of one count must be given, unless the gain is unknown or the
+        observable is dimensionless.
         """
         name, channel_key = self.observableId or key, f"channels.{key}"
         known_unit = measured_names.units_and_description(name)
         names = ", ".join(measured_names.KNOWN_QUANTITIES)
-        allowed = f"one of {names}, which may be followed by _ and a name"
+        allowed = f"one of {names}, optionally followed by _ and a name"
         require(known_unit, f"{channel_key}.observableId", name, allowed)
         cf_unit, _ = known_unit
         if self.unit is None:
             (_, example), *_ = measured_names.allowed_units(cf_unit)
-            raise ValueError(f"{channel_key}.unit is missing: it must be one such as {example}")
+            raise ValueError(f"{channel_key}.unit is missing: it must be a unit such as {example}")
         count_keys = self.model_dump(include={"counts_per_turn", "count"})
         if self.unit == COUNTS and not count_keys and self.gain != "unknown" and cf_unit != "1":
             raise ValueError(
-                f"{channel_key}.counts_per_turn is missing: the value of a count must be given by "
-                "counts_per_turn or count, or the gain must be unknown"
+                f"{channel_key}.counts_per_turn is missing: give the value of a count by "
+                "counts_per_turn or count, unless the gain is unknown"
             )
-        for other_key, value in count_keys.items():
-            allowed = f"left out: the unit is {self.unit!r}, not 'counts'"
-            require(self.unit == COUNTS, f"{channel_key}.{other_key}", value, allowed)
-            allowed = f"one of {' and '.join(count_keys)}"
-            require(len(count_keys) == 1, f"{channel_key}.{other_key}", value, allowed)
-        # Conditions and directions are labels, which have no unit.
+        for count_key, value in count_keys.items():
+            allowed = f"omitted, because the unit is {self.unit!r}, not 'counts'"
+            require(self.unit == COUNTS, f"{channel_key}.{count_key}", value, allowed)
+            allowed = f"the only one of {' and '.join(count_keys)}"
+            require(len(count_keys) == 1, f"{channel_key}.{count_key}", value, allowed)
+        # Conditions and directions are labels without a unit.
         if name not in ("condition", "direction"):
-            self.noise_std(key)  # This raises the errors of noise and unit.
+            self.noise_std(key)  # called only to raise errors about the noise and the unit
 
     def scale(self, key):
-        """Return the factor that converts values of this channel to a CF unit, and this unit.
+        """Return the conversion factor of this channel to a CF unit, and the CF unit.
 
-        CF units are those of the climate and forecast conventions, such as "m s-1". `key` is the
-        name of the channel in the section `channels`. Raise ValueError if the unit does not fit the
-        observable.
+        CF units follow the climate and forecast conventions, e.g. "m s-1". `key` is the name of the
+        channel in the section `channels`. Raise ValueError if the unit of the channel does not have
+        the dimension of the observable.
         """
         name = self.observableId or key
         unit_key, text = "unit", f"1 {self.unit}"
-        # Pairs (CF unit, usual notation), one for each dimension that the observable may have.
+        # Pairs (CF unit, common notation), one for each dimension that the observable may have.
         unit_pairs = measured_names.allowed_units(measured_names.units_and_description(name)[0])
         if self.unit == DATES and name == "time":
-            return 1.0, "s"  # Reading the table converts dates to seconds.
+            return 1.0, "s"  # Dates are converted to seconds when the table is read.
         if self.unit == COUNTS and self.counts_per_turn is not None:
             unit_key, text = "counts_per_turn", "1 turn"
         elif self.unit == COUNTS and self.count is not None:
             unit_key, text = "count", self.count
         elif self.unit == COUNTS:
-            # The value of a count is not known, so that values stay relative numbers or counts.
+            # The value of a count is unknown, so the values remain ratios or counts.
             return 1.0, "1" if unit_pairs[0] == ("1", "1") else "count"
         for cf_unit, written_unit in unit_pairs:
             if cf_unit == "1" and self.unit in _RATIOS:
                 return _RATIOS[self.unit], cf_unit
             with suppress(ValueError):
                 if cf_unit != "1":
-                    # If `text` is one turn, it is divided into counts; else nothing is divided.
+                    # With `counts_per_turn`, `text` is one turn; otherwise it is one unit.
                     return units.parse_quantity(text, written_unit) / (
                         self.counts_per_turn or 1
                     ), cf_unit
         unit_names = " or ".join(written_unit for _, written_unit in unit_pairs)
         zero = ", from absolute zero" if unit_names == "K" else ""
-        allowed = f"a value in, or a unit of the dimension of {unit_names}{zero}, for {name}"
+        allowed = f"a unit of the dimension of {unit_names}{zero}, or a value in it, for {name}"
         raise InputError(f"channels.{key}.{unit_key}", getattr(self, unit_key), allowed)
 
     def noise_std(self, key):
-        """Return the standard deviation of this channel in CF units, 0 if it is not given.
+        """Return the standard deviation of this channel in CF units, or 0 if none is given.
 
-        CF units are those of the climate and forecast conventions. `key` is the name of the channel
-        in the section `channels`. The key `noise` is a number in the unit of the channel, or a
-        string with a unit of its own.
+        CF units follow the climate and forecast conventions. `key` is the name of the channel in
+        the section `channels`. In the file, `noise` is a number in the unit of the channel or a
+        string with a unit.
         """
         factor, cf_unit = self.scale(key)
         noise = None
@@ -184,21 +187,21 @@ class Channel(Section):
             with suppress(ValueError):
                 noise = units.parse_quantity(self.noise, written_unit)
         elif not isinstance(self.noise, bool):
-            # A factor may be negative, a standard deviation may not.
+            # The factor may be negative, but a standard deviation must not be.
             noise = (self.noise or 0.0) * abs(factor)
-        allowed = f"a number >= 0 in {self.unit}, or a text with a unit of its dimension"
+        allowed = f"a number >= 0 in {self.unit}, or a string with a unit of the same dimension"
         require(noise is not None and noise >= 0, f"channels.{key}.noise", self.noise, allowed)
         return noise
 
 
 class Condition(Section):
-    """Speed and load of all measurements with one simulationConditionId."""
+    """Speed and load of all measurements with the same simulationConditionId."""
 
-    speed: quantity("rpm", "1500 rpm", ge=0) = field("Speed of the gear that counts, rpm.", None)
+    speed: quantity("rpm", "1500 rpm", ge=0) = field("Speed of the reference gear, rpm.", None)
     direction: Literal["up", "down", "rest"] = field("How the speed was reached.", None)
     load: Load = field("Static mesh force, N.", None)
-    torque: quantity("N m", "120 N m", gt=0) = field("Torque of the same gear, N m.", None)
-    acceleration: quantity("rpm/s", "50 rpm/s") = field("Rate of the ramp, rpm/s.", None)
+    torque: quantity("N m", "120 N m", gt=0) = field("Torque of the reference gear, N m.", None)
+    acceleration: quantity("rpm/s", "50 rpm/s") = field("Acceleration of a run-up, rpm/s.", None)
 
 
 class MeasuredSpeed(Section):
@@ -211,45 +214,45 @@ class MeasuredSpeed(Section):
 class Speeds(Section):
     """Measured speeds of jumps and of the onset of contact loss."""
 
-    jump_up: MeasuredSpeed = field("Speed at which the motion jumps while the speed goes up.", None)
-    jump_down: MeasuredSpeed = field("Speed of the jump while the speed goes down.", None)
-    onset_of_contact_loss: MeasuredSpeed = field("Speed from which contact is lost.", None)
+    jump_up: MeasuredSpeed = field("Speed of the jump while the speed increases.", None)
+    jump_down: MeasuredSpeed = field("Speed of the jump while the speed decreases.", None)
+    onset_of_contact_loss: MeasuredSpeed = field("Speed at which contact loss begins.", None)
 
 
 class Description(Section):
-    """A measured set: a table and what is said of it."""
+    """Description of a measured set: its table, its origin and the test rig."""
 
-    data: _text(400) = field("The file beside this one: .csv or .uff.", None)
-    title: _text(200) = field("Title of the set, in a line.", None)
-    source: _text(2000) = field("Who measured it, where it was published.")
+    data: _text(400) = field("Data file (.csv or .uff) in the folder of this file.", None)
+    title: _text(200) = field("Title of the set, in one line.", None)
+    source: _text(2000) = field("Who measured the data and where they were published.")
     licence: _text(200) = field("Licence of the data, such as CC BY 4.0; or 'own data'.")
-    synthetic: p.Boolean = field("Whether it was computed, not measured.", None)
-    sha256: _Checksum = field("Checksum of the file.", None)
-    separator: Literal[",", ";", "\t", "|"] = field("Separator of the cells of a CSV.", ",")
-    decimal: Literal[".", ","] = field("Decimal sign of a CSV.", ".")
-    comment: Literal["#", "%", "!"] = field("Sign that begins a comment in a CSV.", None)
-    encoding: Literal["utf-8", "latin-1", "utf-16"] = field("Encoding of a CSV.", "utf-8")
-    skip: t.integer(0, 10_000) = field("Lines of a CSV above its names of columns.", 0)
+    synthetic: p.Boolean = field("Whether the data were computed, not measured.", None)
+    sha256: _Checksum = field("Checksum of the data file.", None)
+    separator: Literal[",", ";", "\t", "|"] = field("Column separator of a CSV file.", ",")
+    decimal: Literal[".", ","] = field("Decimal separator of a CSV file.", ".")
+    comment: Literal["#", "%", "!"] = field("Comment character of a CSV file.", None)
+    encoding: Literal["utf-8", "latin-1", "utf-16"] = field("Encoding of a CSV file.", "utf-8")
+    skip: t.integer(0, 10_000) = field("Number of lines above the header of a CSV file.", 0)
     channels: dict[_Key, Channel] = field("Meaning of each column, by its name.", {})
     conditions: dict[_Key, Condition] = field("Conditions by their simulationConditionId.", {})
     speeds: Speeds = field("Measured speeds of jumps and of the onset of contact loss.", None)
-    known: _Facts = field("What is known of the rig: contact_ratio, load, backlash ...", {})
-    fit: FitSection = field("Model and parameters for `gearlib fit`.", None)
+    known: _Facts = field("Facts about the test rig: contact_ratio, load, backlash ...", {})
+    fit: FitSection = field("Model and free parameters for `gearlib fit`.", None)
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if channels, table or limits of a fit are not compatible.
+        """Raise ValueError if the channels, the data file or the limits of a fit are invalid.
 
-        Each observable (a measured quantity) may belong to one channel only.
+        Each observable (a measured quantity) must belong to only one channel.
         """
         key_by_observable = {}
         for key, channel in self.channels.items():
             channel.check(key)
             name = channel.observableId or key
             other_key = key_by_observable.setdefault(name, key)
-            allowed = f"another one: channels.{other_key} has it"
+            allowed = f"unique, but channels.{other_key} has it, too"
             require(other_key == key, f"channels.{key}.observableId", name, allowed)
-        allowed = "a file beside this one in a format of csv, uff, unv"
+        allowed = "a file in the same folder with the suffix .csv, .uff or .unv"
         if self.data is None and not self.speeds:
             raise ValueError(f"data is missing: it must be {allowed}")
         if self.data is not None:
@@ -257,30 +260,30 @@ class Description(Section):
             if not self.channels:
                 raise ValueError("channels is missing: it must describe each column by its name")
         for name, limits in (self.fit.free if self.fit else {}).items():
-            free_range(name, limits)  # This raises the error of wrong limits.
+            free_range(name, limits)  # called only to raise errors
         return self
 
     def table_paths(self, path):
-        """Return a list with the path of the table, if any; `path` is the path of the YAML file."""
+        """Return a list with the path of the data file, if any, for the `path` of the YAML file."""
         return [] if self.data is None else [str(Path(path).parent / self.data)]
 
     def _observables(self):
-        """Return the names of the observables of all channels as a set."""
+        """Return the set of the names of all observables."""
         return {channel.observableId or key for key, channel in self.channels.items()}
 
     def has_time_histories(self):
-        """Return whether the set has time histories that were measured at constant speeds.
+        """Return whether the set has time histories measured at constant speed.
 
-        The speed of such a history is stated in its condition and is not a channel of the table.
+        Their speed is given in a condition, not by a channel.
         """
         names = self._observables()
         has_speed = any(condition.speed for condition in self.conditions.values())
         return has_speed and "speed" not in names and bool(names & _TIME_HISTORIES)
 
     def has_run_ups(self):
-        """Return whether the set has time histories in which the speed is a channel.
+        """Return whether the set has time histories measured at varying speed.
 
-        The times are another channel, or belong to the file format.
+        The speed is given by a channel, and the times by another channel or by the file format.
         """
         names = self._observables()
         suffix = Path(self.data or "").suffix.lower()
@@ -288,11 +291,10 @@ class Description(Section):
         return has_times and "speed" in names and bool(names & _TIME_HISTORIES)
 
     def unknown_properties(self):
-        """Return the names of those properties of the test rig that are not known.
+        """Return the names of the expected properties of the test rig that are unknown.
 
-        `known` is a section of the file with facts about the rig. A property, such as the
-        stiffness, is known if one of the keys in `_EXPECTED_FACTS` that state it has a value other
-        than "unknown".
+        A property, such as the stiffness, is known if the section `known` contains one of its keys
+        in `_EXPECTED_FACTS` with a value other than "unknown".
         """
         facts = dict(self.known).items()
         known_keys = {key for key, value in facts if value not in (None, "unknown")}
@@ -300,34 +302,34 @@ class Description(Section):
 
 
 def read_sets(paths):
-    """Return the measured sets as a dict: name of the set -> (path, `Description`).
+    """Read measured sets and return them as a dict: name of the set -> (path, `Description`).
 
-    `paths` are paths of the YAML files that describe the sets; the name is that of the file without
-    its suffix. Raise ValueError if a description is not valid, if the table beside it is missing,
-    or if two files have the same name.
+    `paths` are the paths of the YAML files; the name of a set is its file name without the suffix.
+    Raise ValueError if a description is invalid, if a data file is missing, or if two files have
+    the same name.
     """
     descriptions = {}
     for i, path in enumerate(paths):
         name, key = Path(path).stem, f"measured[{i}]"
-        allowed = "a path whose name has letters, digits, +, _ and - only, at most 60"
+        allowed = "a path whose name has at most 60 characters: letters, digits, +, _ and -"
         require(re.fullmatch("[A-Za-z0-9+_-]{1,60}", name), key, path, allowed)
         other_path, _ = descriptions.get(name, ("", None))
-        require(name not in descriptions, key, path, f"a file with another name than {other_path}")
+        require(name not in descriptions, key, path, f"a file with a name other than {other_path}")
         require(Path(path).is_file(), key, path, "a path of a YAML file")
         description = read_description(path)
         for table_path in description.table_paths(path):
             if not Path(table_path).is_file():
                 raise ValueError(
-                    f"{path}: {InputError('data', description.data, 'a file beside it')}"
+                    f"{path}: {InputError('data', description.data, 'a file in the same folder')}"
                 )
         descriptions[name] = path, description
     return descriptions
 
 
 def read_description(path):
-    """Return the `Description` of a measured set in a YAML file.
+    """Read the YAML file that describes a measured set.
 
-    Raise ValueError, whose message has all problems in the file, one per line.
+    Raise ValueError if it is invalid; the message lists all problems, one per line.
     """
     content, problems = validation.read_yaml(path)
     if problems:

@@ -1,4 +1,4 @@
-"""Configurations to start from, with comments on each key: gears by geometry, a gearbox."""
+"""Commented configuration templates for gears given by geometry and for a gearbox."""
 
 #: Content of a new config.yaml.
 TEXT = """\
@@ -38,7 +38,7 @@ resonance:                  # largest and smallest displacement over the tuning
 phase_planes:               # velocity over displacement at single tunings
   tunings: [0.6, 0.8, 1.0]  # mesh frequency over eigenfrequency, or speeds as 1500 rpm
 """
-#: Content of the config.yaml of a gearbox, with the name of its file in place of {{file}}.
+#: Content of the config.yaml of a gearbox; {file} is replaced by the path of its REXS file.
 GEARBOX_TEXT = """\
 # A gearbox. In this folder, `gearlib workflow -j2` computes all its stages and load cases, and the
 # whole box, into results/; `gearlib gearbox {file}` shows what the file says and leaves open.

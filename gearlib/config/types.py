@@ -149,8 +149,8 @@ def tuning_per_rpm(pair, change=None):
 def quantity(unit, example="", infinity_text="", **bounds):
     """Return the type of a number in the SI unit `unit`, with bounds such as gt=0.
 
-    Error messages use `example`, a value in another unit. `infinity_text` says what an infinite value
-    means; if it is "", infinity is not allowed.
+    `example` is a value in another unit, for error messages. `infinity_text` says what an infinite
+    value means; if it is "", infinity is not allowed.
     """
     limits = [_BOUNDS[name](bound) for name, bound in bounds.items()]
     return Annotated[(float, *limits, Unit(unit, example, infinity_text))]
@@ -441,7 +441,7 @@ class SeededStarts(Section):
 
 
 class IncreasingStarts(SeededStarts):
-    """Base class of sections that use more initial states if the first ones lead to several orbits."""
+    """Base class of sections that use few initial states if these lead to one orbit."""
 
     first_starts: Count = field(
         "Number of initial states that suffice if all lead to the same orbit.", 4

@@ -158,7 +158,7 @@ DIRECTION = {"channels": CHANNELS | {"other": {"observableId": "direction", "uni
 REFUSED = {
     "source is missing: it must be a text": (TABLE, {"source": None}),
     "data = 'rig.xlsx' ... csv": (TABLE, {"data": "rig.xlsx"}),
-    "data = 'rig.csv' ... a file beside": (None, {}),
+    "data = 'rig.csv' ... a file in the same folder": (None, {}),
     "data = 'rig.csv' ... it is empty": ("", {}),
     "data = 'rig.csv' ... utf-8 text": (b"t,x,F\n0,1,1\n\xff\xfe\xb5,1,2\n", {}),
     "the column 'F' of rig.csv is missing: it must be one of 't', 'x'": ("t,x\n0,1\n", {}),
