@@ -20,7 +20,7 @@ def is_proven_free_of_grazing(load, x, w, t, *crossed, code=1):
 
     The arc of x'' + x = load starts at the displacement x with the speed w and lasts for the time
     t. `crossed` holds two flags, for start and end, whether the line is crossed there. `code` is
-    the contact code.
+    the contact state.
     """
     with precision(160) as arb:
         law = flint().arb_mat([[0, 1, 0], [-1, 0, load], [0, 0, 0]])
@@ -70,18 +70,18 @@ def test_contacts_out_of_order_or_at_a_switch_are_noticed():
     """Move a phase across the next one, and turn or stop the velocity at a crossing."""
     orbit = gearlib.periodic_orbit(MATERIAL, 0.815)
     with precision(160):
-        proof = orbits.Proof(orbit, *orbits.simulated_contacts(orbit))
+        proof = orbits.Proof(orbit, *orbits.simulate_contacts(orbit))
         arcs, phases = proof.arcs, proof.path.phases(proof.phases)
-        check_contacts(proof.path, arcs, proof.ends, proof.phases)
+        check_contacts(proof.path, arcs, proof.end_states, proof.phases)
         lost, gained = (i for i, node in enumerate(proof.path.nodes) if node.before != node.after)
         after = phases[lost + 1]
         for phase in (after, after + 0.1, phases[lost].union(after)):
-            with pytest.raises(ProofFailed, match="cannot be told apart"):
-                check_contacts(proof.path, arcs, proof.ends, [phase, *proof.phases[1:]])
+            with pytest.raises(ProofFailed, match="cannot be separated"):
+                check_contacts(proof.path, arcs, proof.end_states, [phase, *proof.phases[1:]])
         # The motion then crosses the line in the wrong direction, or rests on it.
         for node, factor in itertools.product((lost, gained), (-1, 0)):
             # The product with 1 copies the matrix.
-            ends = [end * 1 for end in proof.ends]
+            ends = [end * 1 for end in proof.end_states]
             ends[node][1, 0] *= factor
             with pytest.raises(ProofFailed, match="not proven to be a crossing"):
                 check_contacts(proof.path, arcs, ends, proof.phases)

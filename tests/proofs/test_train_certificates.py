@@ -130,7 +130,7 @@ def test_unlisted_contacts_are_noticed(tuning):
         dynamics = ArcDynamics(gearlib.idler(LIGHT), tuning)
         path = Path(dynamics, [1, 1], [], 1)
         start = dynamics.initial_state(orbit_of("parametric resonance").state)
-        box = krawczyk.enclose(path.equations, *krawczyk.polish(path.equations, start))
+        box = krawczyk.enclose_zero(path.equations, *krawczyk.refine_zero(path.equations, start))
         _, _, arcs, ends = path.equations(box)
         with pytest.raises(ProofFailed) as error:
             check_contacts(path, arcs, ends, box[dynamics.state_count :])

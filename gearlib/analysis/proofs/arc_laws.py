@@ -3,8 +3,8 @@
 The state is z = (y, dy/dtheta, 1, cos, sin, ...) with the displacements y in the model's unit of
 length and theta = tau / nu, the mesh phase over the tuning, so that only harmonics depend on the
 tuning. Rigid-body motions V are eliminated from the coordinates; K V = 0, b V = 0 and D V = 0 are
-assumed to be exact. Matrices and functionals refer to modal components c, z = basis c, which rotate
-in pairs: their boxes grow least.
+assumed to be exact. Matrices and linear functionals refer to modal components c with z = basis c,
+because boxes in modal components grow least.
 """
 
 import math
@@ -12,47 +12,48 @@ from typing import Any
 
 import numpy as np
 
-from gearlib.analysis.proofs.balls import ball_of, column_of, flint, matrix_of
+from gearlib.analysis.proofs.balls import flint, to_ball, to_column, to_matrix
 from gearlib.analysis.proofs.certificate_files import ProofFailed, TrainDescription
 from gearlib.analysis.proofs.models_in_balls import COAST_SIDE, DRIVE_SIDE, ball_model_builder
 from gearlib.engines.codes import COAST, NO_CONTACT
 from gearlib.models.trains.elastic import free_motions_and_modes
 
-#: Largest force on a free motion, relative to the largest entry: a thousand rounding errors.
-FREE_MOTION_TOLERANCE = 1e-13
-#: Largest radius of a time for which the matrix exponential is evaluated directly.
+#: Largest force on a rigid-body motion, relative to the largest entry: a thousand rounding errors.
+RIGID_BODY_TOLERANCE = 1e-13
+#: Largest radius of a time at which the matrix exponential is evaluated directly.
 _MAX_TIME_RADIUS = 2.0**-30
 
 
-def propagated(matrix: Any, columns: Any, time: Any) -> Any:
-    """Return exp(matrix time) columns, the solution of z' = matrix z after a time for each column.
+def propagate(matrix: Any, columns: Any, time: Any) -> Any:
+    """Return exp(matrix time) columns: solutions of z' = matrix z after a time, as columns.
 
-    Both matrices and the `time` consist of balls (intervals with error bounds). If the ball `time`
-    is wide, the mean value theorem gives a narrower result than the exponential of a wide matrix.
+    The columns are initial states. All entries are balls (intervals with error bounds). If the ball
+    `time` is wide, the mean value theorem gives a narrower enclosure than the exponential of a wide
+    matrix.
     """
     if not time.rad() > _MAX_TIME_RADIUS:
         return (matrix * time).exp() * columns
-    middle = time.mid()
-    columns, difference = (matrix * middle).exp() * columns, time - middle
+    midpoint = time.mid()
+    columns, difference = (matrix * midpoint).exp() * columns, time - midpoint
     return columns + matrix * ((matrix * difference).exp() * columns) * difference
 
 
 class ArcDynamics:
-    """System matrices A of z' = A z for a model at a tuning, for all contact codes and segments.
+    """System matrices A of z' = A z of a model at a tuning, for all contact states and segments.
 
     The state is z = (y, dy/dtheta, 1, cosine and sine of each harmonic).
 
-    ``retained``, ``fixed``    indices of the coordinates y, and of the eliminated coordinates
-    ``state_count``, ``size``  number of components of (y, dy/dtheta), and of z
+    ``retained``, ``fixed``    indices of the coordinates y and of the eliminated coordinates
+    ``state_count``, ``size``  number of components of (y, dy/dtheta) and of z
     ``harmonic_columns``       frequency of a harmonic -> index of its cosine in z
-    ``basis``, ``basis_inverse``  matrix from modal components to z, shape (size, size), its inverse
-    ``distance_rows``          flank distances of each mesh as functionals of modal components, rows
-                               (1, size): (coast side or None, drive side)
+    ``basis``, ``basis_inverse``  matrix from modal components to z, shape (size, size), and inverse
+    ``distance_rows``          flank distances (coast side or None, drive side) of each mesh, as row
+                               vectors (1, size) for modal components
     ``excitation_period``      period of the excitation in mesh periods
     """
 
     def __init__(self, model, tuning: float):
-        """Compute modal basis and system matrices of a model in ball arithmetic.
+        """Compute the modal basis and the constant parts of the system matrices in ball arithmetic.
 
         Balls are intervals with error bounds. `tuning` is mesh frequency over natural frequency.
         The attributes are described in the class.
@@ -60,7 +61,7 @@ class ArcDynamics:
         build_model = ball_model_builder(model)
         self.model = build_model(model, tuning)
         self.tuning = flint().arb(tuning)
-        self.one_degree = model.equation is not None
+        self.has_one_degree_of_freedom = model.equation is not None
         self.excitation_period = model.repeats
         self.mesh_names = tuple(mesh.name for mesh in self.model.meshes)
         self._system_matrices: dict = {}
@@ -79,9 +80,9 @@ class ArcDynamics:
         n = len(self.retained)
         basis = np.eye(self.size)
         basis[:n, :n], basis[n : 2 * n, n : 2 * n] = shapes, shapes * natural_frequencies
-        self.basis = matrix_of(basis)
+        self.basis = to_matrix(basis)
         self.basis_inverse = self.basis.inv()
-        # Contributions of the meshes, which depend on their contacts, are added to this matrix.
+        # The contributions of the meshes depend on their contact states and are added later.
         self._without_meshes = self._matrix_without_meshes()
         self.distance_rows = [
             [self._distance_row(mesh, side) for side in (COAST_SIDE, DRIVE_SIDE)]
@@ -89,11 +90,11 @@ class ArcDynamics:
         ]
 
     def _eliminate_free_motions(self, free_motions: np.ndarray) -> None:
-        """Choose the retained coordinates, and compute the matrix from all n coordinates to them.
+        """Choose the retained coordinates and compute the matrix from all n coordinates to them.
 
         `free_motions`, shape (n, k), has k rigid-body motions, which no spring opposes, as columns.
-        To eliminate them, k coordinates are fixed, and the others are measured relative to these.
-        Raise `ProofFailed` if stiffness or damping act on the rigid-body motions.
+        They are eliminated by fixing k coordinates and measuring the others relative to these.
+        Raise `ProofFailed` if stiffness or damping acts on the rigid-body motions.
         """
         model, n = self.model, len(self.model.coordinates)
         self.fixed = _fixed_coordinates(free_motions)
@@ -101,64 +102,63 @@ class ArcDynamics:
         unit = np.eye(n, dtype=int).astype(object)
         reduction = unit[self.retained]
         if self.fixed:
-            # This stiffness matrix includes drive-side contact in all meshes. Its product with a
-            # rigid-body motion is zero, as it would be with coast-side contact.
+            # The stiffness matrix includes drive-side contact in all meshes. Its product with a
+            # rigid-body motion is zero, and would also be zero with coast-side contact.
             stiffness = model.stiffness.copy()
             for mesh in model.meshes:
                 row = mesh.rows[DRIVE_SIDE]
                 stiffness += mesh.stiffness[DRIVE_SIDE][0] * np.outer(row, row)
             retained_rows = stiffness[self.retained]
-            retained_block = matrix_of(retained_rows[:, self.retained])
-            fixed_block = matrix_of(retained_rows[:, self.fixed])
+            retained_block = to_matrix(retained_rows[:, self.retained])
+            fixed_block = to_matrix(retained_rows[:, self.fixed])
             reduction[:, self.fixed] = retained_block.solve(fixed_block).tolist()
-            # Rigid-body motions in balls, each of which moves one fixed coordinate by 1.
+            # Rigid-body motions in balls, each with a unit displacement of one fixed coordinate.
             motions = unit[:, self.fixed]
             motions[self.retained] = -reduction[:, self.fixed]
             mesh_rows = np.array([row for mesh in model.meshes for row in mesh.rows])
             for rows in (model.stiffness, model.damping, mesh_rows):
                 largest = max(float(abs(value).upper()) for value in rows.flat)
-                residuals = (matrix_of(rows) * matrix_of(motions)).entries()
-                tolerance = FREE_MOTION_TOLERANCE * largest * n
+                residuals = (to_matrix(rows) * to_matrix(motions)).entries()
+                tolerance = RIGID_BODY_TOLERANCE * largest * n
                 if not all(abs(residual) <= tolerance for residual in residuals):
-                    text = "a train is not supported if springs or dampers act on its free rotation"
-                    raise ProofFailed("model", text)
-        self.reduction = matrix_of(reduction)
-        #: Matrix from forces on all coordinates to accelerations of the retained ones.
-        self._accelerance = self.reduction * matrix_of(model.mass).inv()
+                    message = "trains with springs or dampers against rotation are not supported"
+                    raise ProofFailed("model", message)
+        self.reduction = to_matrix(reduction)
+        #: Matrix from forces on all coordinates to accelerations of the retained coordinates.
+        self._accelerance = self.reduction * to_matrix(model.mass).inv()
 
     def _distance_row(self, mesh: Any, side: int) -> Any:
         """Return the row (1, size) whose product with the modal components is a flank distance.
 
         The flank distance is zero where the flanks touch. `mesh` is a `BallMesh`, and `side` is
-        COAST_SIDE or DRIVE_SIDE. Return None for the coast side of an infinite backlash, which
-        never touches.
+        COAST_SIDE or DRIVE_SIDE. Return None for the coast side if the backlash is infinite.
         """
         if mesh.constants[side] is None:
             return None
         row = np.zeros(self.size, object)
         length = self.model.length
         row[: len(self.retained)] = [mesh.rows[side][i] for i in self.retained]
-        # This component of the state is always 1.
+        # This state component is always 1.
         row[self.state_count] = mesh.constants[side] / length
         for frequency, amplitudes in mesh.harmonics.items():
             cosine, sine = amplitudes[side]
             column = self.harmonic_columns[frequency]
             row[column : column + 2] = cosine / length, sine / length
-        return matrix_of(row[None]) * self.basis
+        return to_matrix(row[None]) * self.basis
 
     def _accelerations(self, forces: np.ndarray) -> np.ndarray:
-        """Return the accelerations of the retained coordinates under forces on all n coordinates.
+        """Return the accelerations of the retained coordinates due to forces on all n coordinates.
 
         `forces` has the shape (n, k), with a column for each load case; the accelerations have the
         shape (number of retained coordinates, k). All entries are balls (intervals).
         """
-        return np.array((self._accelerance * matrix_of(forces)).tolist())
+        return np.array((self._accelerance * to_matrix(forces)).tolist())
 
     def _matrix_without_meshes(self) -> Any:
         """Return the system matrix A of z' = A z without mesh forces, shape (size, size).
 
         The state z is (y, dy/dtheta, 1, cosine and sine of each harmonic), where theta is time
-        times the reference frequency. The matrix is returned for modal components.
+        times the reference frequency. The matrix is transformed to modal components.
         """
         model, n = self.model, len(self.retained)
         omega = model.frequency  # unit of frequencies, rad/s
@@ -172,54 +172,55 @@ class ArcDynamics:
         matrix[velocities, [2 * n]] = self._accelerations(model.load[:, None]) / acceleration_unit
         for frequency, column in self.harmonic_columns.items():
             # Cosine and sine of the phase rotate: cos' = -rate sin, sin' = rate cos.
-            rate = ball_of(frequency) * self.tuning
+            rate = to_ball(frequency) * self.tuning
             matrix[column, column + 1], matrix[column + 1, column] = -rate, rate
             if frequency in model.force_harmonics:
                 accelerations = self._accelerations(np.transpose(model.force_harmonics[frequency]))
                 matrix[velocities, column : column + 2] = accelerations / acceleration_unit
-        return self.basis_inverse * matrix_of(matrix) * self.basis
+        return self.basis_inverse * to_matrix(matrix) * self.basis
 
-    def system_matrix(self, codes: list, segment: int) -> Any:
-        """Return the system matrix A of z' = A z for given contacts on one segment of the period.
+    def system_matrix(self, contact_states: list, segment: int) -> Any:
+        """Return the system matrix A of z' = A z for the contact states of the meshes on a segment.
 
-        `codes` has a contact code for each mesh: 1 drive side, 0 none, -1 coast side. `segment` is
-        the index of a `Segment`, an interval of the period of the excitation in which the stiffness
-        is constant. Matrices are stored, because many arcs share them.
+        `contact_states` has 1 (drive side), 0 (no contact) or -1 (coast side) for each mesh.
+        `segment` is the index of a `Segment`, an interval of the excitation period with constant
+        stiffness. Matrices are cached, because many arcs share them.
         """
         conditions = self.model.segments[segment].conditions
         mesh_states = []
-        for code, sides in zip(codes, conditions, strict=True):
-            if code == NO_CONTACT:
-                mesh_states.append((code,))
+        for contact, sides in zip(contact_states, conditions, strict=True):
+            if contact == NO_CONTACT:
+                mesh_states.append((contact,))
             else:
-                # Index of the mesh stiffness, and direction of sliding (1 or -1) for friction.
-                stiffness_level, sliding_sign = sides[COAST_SIDE if code == COAST else DRIVE_SIDE]
-                mesh_states.append((code, stiffness_level, sliding_sign))
+                # Index of the mesh stiffness and direction of sliding (1 or -1) for friction.
+                side = COAST_SIDE if contact == COAST else DRIVE_SIDE
+                stiffness_level, sliding_sign = sides[side]
+                mesh_states.append((contact, stiffness_level, sliding_sign))
         key = tuple(mesh_states)
         if key not in self._system_matrices:
             terms = (self._mesh_matrix(j, *state) for j, state in enumerate(mesh_states))
             self._system_matrices[key] = sum(terms, self._without_meshes)
         return self._system_matrices[key]
 
-    def _mesh_matrix(self, j: int, code: int, level: int = 0, sliding_sign: int = 0) -> Any:
+    def _mesh_matrix(self, j: int, contact: int, level: int = 0, sliding_sign: int = 0) -> Any:
         """Return the contribution of mesh j to the system matrix A of z' = A z.
 
-        `code` is its contact code: 1 drive side, 0 none, -1 coast side. `level` is the index of the
-        stiffness (0 upper, 1 lower), and `sliding_sign`, 1 or -1, the sliding direction, which
-        friction opposes; neither is used without contact.
+        `contact` is its contact state: 1 drive side, 0 no contact, -1 coast side. `level` is the
+        index of the stiffness (0 upper, 1 lower), and `sliding_sign`, 1 or -1, is the sliding
+        direction, which friction opposes; neither is used without contact.
         """
         mesh = self.model.meshes[j]
         omega = self.model.frequency  # unit of frequencies, rad/s
-        side = COAST_SIDE if code == COAST else DRIVE_SIDE
+        side = COAST_SIDE if contact == COAST else DRIVE_SIDE
         distance = self.distance_rows[j][side]
-        # The rate of the flank distance depends on velocities but not on accelerations, so that
-        # mesh forces do not matter.
+        # The rate of the flank distance does not depend on accelerations, so mesh forces do not
+        # affect it.
         rate = distance * self._without_meshes
-        if code == NO_CONTACT:
+        if contact == NO_CONTACT:
             return self._force_matrix(mesh.rows[DRIVE_SIDE], rate * (mesh.backlash_damping / omega))
-        # In coast-side contact the backlash damping acts on the drive-side rate, and the rest of
-        # the damping on the coast-side rate. If both rates are equal, because the clearance is
-        # constant, the damping is not split, so that undamped motions are exactly undamped.
+        # In coast-side contact the backlash damping acts on the drive-side rate and the remaining
+        # damping on the coast-side rate. If the clearance is constant, both rates are equal, and
+        # the damping is not split, so that undamped motions are exactly undamped.
         is_split = side == COAST_SIDE and mesh.clearance_varies
         damping = mesh.damping[side] - (mesh.backlash_damping if is_split else 0)
         elastic = distance * (mesh.stiffness[side][level] / omega**2)
@@ -235,35 +236,37 @@ class ArcDynamics:
         """Return the contribution of a force, such as a mesh force, to the system matrix A.
 
         `force` is the row (1, size) whose product with the modal components of the state z is the
-        force. `direction`, shape (n,), holds its components on the coordinates; the force acts in
-        the negative direction, as a spring opposes its elongation.
+        force. `direction`, shape (n,), has the components of the force on the coordinates; the
+        force acts in the negative direction, as a spring opposes its elongation.
         """
         n, column = len(self.retained), np.zeros((self.size, 1), object)
         column[n : 2 * n] = self._accelerations(-np.array(direction)[:, None])
-        return self.basis_inverse * matrix_of(column) * force
+        return self.basis_inverse * to_matrix(column) * force
 
     def initial_state(self, state: np.ndarray) -> list:
-        """Return (y, dy/dtheta) of the retained coordinates as balls for a state (q, dq/dtau).
+        """Convert a state (q, dq/dtau) to balls (y, dy/dtheta) of the retained coordinates.
 
-        `state`, shape (2 n,), has all n coordinates q and their rates by the mesh phase tau. Since
-        theta = tau / nu, rates by theta are rates by tau times the tuning nu.
+        `state`, shape (2 n,), has all n coordinates q and their derivatives with respect to the
+        mesh phase tau. Since theta = tau / nu, derivatives with respect to theta are larger by the
+        tuning nu.
         """
         q, q_rates = np.array(state, float).reshape(2, -1).tolist()
-        y = (self.reduction * column_of(q)).entries()
-        y_rates = (self.reduction * column_of(q_rates)).entries()
+        y = (self.reduction * to_column(q)).entries()
+        y_rates = (self.reduction * to_column(q_rates)).entries()
         return [*y, *(rate * self.tuning for rate in y_rates)]
 
-    def train_description(self, codes: tuple) -> TrainDescription | None:
+    def train_description(self, contact_states: tuple) -> TrainDescription | None:
         """Return the description of a train for its certificate; None with one degree of freedom.
 
-        `codes` are the contact codes of all meshes at tau = 0: 1 drive side, 0 none, -1 coast side.
+        `contact_states` has the state of each mesh at tau = 0: 1 drive side, 0 no contact, -1 coast
+        side.
         """
-        if self.one_degree:
+        if self.has_one_degree_of_freedom:
             return None
         names = self.model.coordinates
         return TrainDescription(
             meshes=self.mesh_names,
-            contacts=tuple(codes),
+            contacts=tuple(contact_states),
             coordinates=names,
             fixed=tuple(names[i] for i in self.fixed),
             derived=self.model.derived,
@@ -273,7 +276,7 @@ class ArcDynamics:
 def _modes(model, ball_model: Any) -> tuple:
     """Return (rigid-body motions, natural frequencies, mode shapes) with all teeth in contact.
 
-    They are floats, since they only serve as a basis. `ball_model` is the `BallModel` of `model`.
+    They are floats, because they only define a basis. `ball_model` is the `BallModel` of `model`.
     Motions and shapes are columns over the coordinates; frequencies are relative to the reference
     frequency of the tuning.
     """
@@ -282,12 +285,12 @@ def _modes(model, ball_model: Any) -> tuple:
         ground_stiffness, mass = ball_model.stiffness[0, 0], ball_model.mass[0, 0]
         stiffness = float(ground_stiffness) + max(map(float, mesh.stiffness[DRIVE_SIDE]))
         frequency = math.sqrt(stiffness / float(mass)) / float(ball_model.frequency)
-        # One degree of freedom is supported by its mesh: there is no rigid-body motion.
+        # The mesh supports the only degree of freedom, so there is no rigid-body motion.
         return np.zeros((1, 0)), frequency, np.eye(1)
     structure = model.train.structure
-    mesh_rows = structure.lines
+    mesh_rows = structure.mesh_jacobian
     spring_rows, spring_stiffnesses = structure.springs
-    # Meshes are additional springs.
+    # Meshes act as additional springs.
     mesh_stiffnesses = [mesh.max_stiffness for mesh in model.train.meshes]
     rows = np.vstack([spring_rows, mesh_rows])
     stiffnesses = np.append(spring_stiffnesses, mesh_stiffnesses)
@@ -299,14 +302,15 @@ def _modes(model, ball_model: Any) -> tuple:
 def _fixed_coordinates(motions: np.ndarray) -> list[int]:
     """Return the sorted indices of k coordinates that determine k rigid-body motions.
 
-    `motions`, shape (n, k), has a rigid-body motion of all n coordinates in each column. If the
-    returned coordinates are fixed, no rigid-body motion is left.
+    `motions`, shape (n, k), has a rigid-body motion of all n coordinates in each column. Fixing the
+    returned coordinates prevents all rigid-body motions.
     """
     coordinates, remaining = [], np.array(motions)
-    # Each step of Gaussian elimination fixes one coordinate and removes one motion.
+    # Each elimination step fixes one coordinate and removes one motion.
     while remaining.shape[1]:
         max_entries = np.abs(remaining).max(axis=1)
-        # The first large entry is used: the index of the largest may depend on rounding errors.
+        # The first large entry is the pivot, because the index of the largest may depend on
+        # rounding errors.
         row = int(np.argmax(max_entries >= 0.5 * max_entries.max()))
         column = int(np.abs(remaining[row]).argmax())
         factors = remaining[row] / remaining[row, column]

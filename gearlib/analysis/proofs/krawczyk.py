@@ -1,10 +1,10 @@
-"""Zeros of systems of equations, proven by Krawczyk's test; eigenvalues and stability.
+"""Proofs of zeros of systems of equations by Krawczyk's test; eigenvalues and stability.
 
-Let Y be an approximate inverse of the Jacobian matrix of F at m. If the set
-K(X) = m - Y F(m) + (I - Y F'(X)) (X - m) lies in the interior of a box X around m, F has exactly
-one zero in X, and this lies in K(X) (Krawczyk, Computing 4 (1969) 187-201; Rump, Acta Numerica 19
-(2010) 287-449). A *system* is a function of the unknowns, a list of balls; its first two results
-are a list of residuals and the rows of their Jacobian matrix.
+Let Y be an approximate inverse of the Jacobian matrix of F at m. If the set K(X) = m - Y F(m) + (I
+- Y F'(X)) (X - m) lies in the interior of a box X around m, F has exactly one zero in X, and this
+zero lies in K(X) (Krawczyk, Computing 4 (1969) 187-201; Rump, Acta Numerica 19 (2010) 287-449). A
+*system* is a function of the unknowns, a list of balls (intervals with error bounds), that returns
+(residuals, rows of their Jacobian matrix, ...).
 """
 
 from collections.abc import Callable
@@ -12,44 +12,44 @@ from functools import reduce
 from itertools import chain
 from typing import Any
 
-from gearlib.analysis.proofs.balls import column_of, flint, identity
+from gearlib.analysis.proofs.balls import flint, identity, to_column
 from gearlib.analysis.proofs.certificate_files import ProofFailed
 
-#: Newton's method doubles the digits in each step, so few steps are enough for any precision.
+#: Newton's method doubles the number of digits per step, so a few steps suffice.
 _MAX_NEWTON_STEPS = 12
-#: Largest number of boxes that are tested for uniqueness, and the radius of the largest box.
+#: Largest number of boxes that are tested for uniqueness, and radius of the first box.
 _MAX_BOXES, _MAX_RADIUS = 60, 0.1
-#: A Jacobian matrix is singular if its inverse has a larger entry than this.
+#: A Jacobian matrix counts as singular if its inverse has a larger entry than this.
 _MAX_INVERSE = 1e13
-#: Status and message for a wrong derivative, which is a fault of the library.
+#: Status and message for a wrong derivative, a bug in gearlib.
 WRONG_DERIVATIVE = (
     "derivative",
-    "the derivative of the equations is not that of their differences: a fault of the library",
+    "the Jacobian matrix does not agree with finite differences: this is a bug in gearlib",
 )
 #: Status and message for a singular Jacobian matrix.
 FOLD = (
     "fold",
-    "the derivative of the equations has no inverse: a multiplier 1 is here, or too near to tell",
+    "the Jacobian matrix may be singular: a Floquet multiplier is 1 or too close to 1",
 )
 #: Status and message for multipliers that may lie on either side of the unit circle.
-UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
+UNDECIDED = "undecided", "the enclosure of a multiplier intersects the unit circle"
 
 
-def polish(system: Callable, start: list) -> tuple[list, Any]:
+def refine_zero(system: Callable, start: list) -> tuple[list, Any]:
     """Refine an approximate zero of a system of equations by Newton's method.
 
-    `system` is a function of the unknowns, a list of balls (intervals with error bounds), and
-    returns (residuals, rows of their Jacobian matrix, ...). `start` is the initial value of the
-    unknowns. Return (zero, inverse of the Jacobian matrix there), both approximate: balls of radius
-    0. Raise `ProofFailed` if the matrix is singular or the method does not converge.
+    `system` returns (residuals, rows of their Jacobian matrix, ...) for a list of unknowns, and
+    `start` is the initial guess. Return (zero, inverse of the Jacobian matrix there). Both are
+    approximate: balls (intervals) of radius 0. Raise `ProofFailed` if the matrix is singular or the
+    method does not converge.
     """
     module = flint()
     zero = [value.mid() for value in start]
-    # After such a small step the error, of the order of its square, is below the rounding error.
+    # The error after a step is of the order of its square, here below the rounding error.
     tolerance = module.arb(2) ** -(0.6 * module.ctx.prec)
     for _ in range(_MAX_NEWTON_STEPS):
         residuals, rows, *_ = system(zero)
-        # `mid` takes the midpoints of balls: nothing needs to be rigorous here.
+        # Midpoints of balls are sufficient, because the zero is only approximate.
         try:
             inverse = module.arb_mat(rows).mid().inv().mid()
         except ZeroDivisionError:
@@ -69,20 +69,20 @@ def polish(system: Callable, start: list) -> tuple[list, Any]:
 
 
 def matrix_vector_product(matrix: Any, values: list) -> list:
-    """Return the product of a matrix of balls and a vector, a list of balls, as a list."""
-    return (matrix * column_of(values)).entries()
+    """Return the product of a matrix of balls and a list of balls as a list."""
+    return (matrix * to_column(values)).entries()
 
 
 def krawczyk_shift(system: Callable, centre, radii, inverse: Any, residuals: list) -> list:
-    """Return K(X) - m for the Krawczyk operator K and the box X with centre m, a list of balls.
+    """Return K(X) - m for the Krawczyk operator K and a box X with the centre m, a list of balls.
 
-    K(X) - m = (I - Y F'(X)) (X - m) - Y F(m), where balls are intervals with error bounds and F are
-    the residuals of `system`, a function of the unknowns that returns (residuals, rows of their
-    Jacobian matrix, ...). `centre` is m, `radii` are the half widths of the box X, `inverse` is Y,
-    an approximate inverse of the Jacobian matrix F'(m), and `residuals` are F(m).
+    K(X) - m = (I - Y F'(X)) (X - m) - Y F(m). `centre` is m, `radii` are the half widths of the box
+    X, `inverse` is Y, an approximate inverse of the Jacobian matrix F'(m), and `residuals` are
+    F(m). `system` returns (residuals F, rows of their Jacobian matrix, ...) for a list of balls
+    (intervals).
     """
     arb = flint().arb
-    # Evaluated for the whole box, the Jacobian matrix encloses its values at all points of the box.
+    # The Jacobian matrix of the whole box encloses the Jacobian matrices at all of its points.
     _, rows, *_ = system(list(map(arb, centre, radii)))
     remainder = identity(len(centre)) - inverse * flint().arb_mat(rows)
     spread = matrix_vector_product(remainder, [arb(0, radius) for radius in radii])
@@ -90,8 +90,8 @@ def krawczyk_shift(system: Callable, centre, radii, inverse: Any, residuals: lis
     return [ball - step for ball, step in zip(spread, newton_step, strict=True)]
 
 
-def is_inside(shift: list, radii: list) -> bool:
-    """Return whether the Krawczyk image K(X) of a box X lies in its interior.
+def maps_into_interior(shift: list, radii: list) -> bool:
+    """Return whether the Krawczyk operator maps a box X into its interior.
 
     If so, the system of equations has exactly one zero in X. `shift` is K(X) - m, a result of
     `krawczyk_shift`, where m is the centre of X, and `radii` are the half widths of X.
@@ -102,20 +102,19 @@ def is_inside(shift: list, radii: list) -> bool:
 def check_derivative(system: Callable, centre: list, residuals: list) -> None:
     """Raise `ProofFailed` if the Jacobian matrix contradicts a finite difference of the residuals.
 
-    `system` is a function of the unknowns, a list of balls (intervals with error bounds), that
-    returns (residuals, rows of their Jacobian matrix, ...); `residuals` are its values at the
-    unknowns `centre`. All unknowns are changed at once by a small step. By the mean value theorem,
-    the change of the residuals lies in the product of the step and an enclosure of the Jacobian
-    matrix on the whole step.
+    `system` returns (residuals, rows of their Jacobian matrix, ...) for a list of balls
+    (intervals); `residuals` are its values at the unknowns `centre`. All unknowns are changed at
+    once by a small step. By the mean value theorem, the change of the residuals lies in the product
+    of the step and an enclosure of the Jacobian matrix along the step.
     """
     module, n = flint(), len(centre)
-    # The step is large enough for a difference with many digits, and small enough for a nearly
-    # constant derivative.
+    # The step is large enough for an accurate difference and small enough for a nearly constant
+    # derivative.
     step_size = module.arb(2) ** -(0.4 * module.ctx.prec)
-    # The steps differ, so that errors in several columns of the matrix do not cancel.
+    # Different steps prevent errors in several columns of the matrix from cancelling.
     steps = [step_size * max(1, abs(value)) * (n + i) / n for i, value in enumerate(centre)]
     shifted = [(value + step).mid() for value, step in zip(centre, steps, strict=True)]
-    # The end of the step has been rounded, so that the step is computed again.
+    # The end of the step has been rounded, so the step is computed again.
     steps = [end - value for value, end in zip(centre, shifted, strict=True)]
     hull = [value.union(end) for value, end in zip(centre, shifted, strict=True)]
     jacobian_rows = system(hull)[1]
@@ -126,13 +125,12 @@ def check_derivative(system: Callable, centre: list, residuals: list) -> None:
             raise ProofFailed(*WRONG_DERIVATIVE)
 
 
-def enclose(system: Callable, centre: list, inverse: Any) -> list:
+def enclose_zero(system: Callable, centre: list, inverse: Any) -> list:
     """Return a box, a list of balls, that is proven to contain exactly one zero of a system.
 
-    Balls are intervals with error bounds. `system` is a function of the unknowns that returns
-    (residuals, rows of their Jacobian matrix, ...). `centre` is an approximate zero and `inverse`
-    the approximate inverse of the Jacobian matrix there, from `polish`. Raise `ProofFailed` if
-    Krawczyk's test fails.
+    `system` returns (residuals, rows of their Jacobian matrix, ...) for a list of balls (intervals
+    with error bounds). `centre` is an approximate zero and `inverse` the approximate inverse of the
+    Jacobian matrix there, from `refine_zero`. Raise `ProofFailed` if Krawczyk's test fails.
     """
     module = flint()
     residuals, *_ = system(centre)
@@ -144,20 +142,19 @@ def enclose(system: Callable, centre: list, inverse: Any) -> list:
         for step, value in zip(matrix_vector_product(inverse, residuals), centre, strict=True)
     ]
     shift = krawczyk_shift(system, centre, radii, inverse, residuals)
-    if not is_inside(shift, radii):
+    if not maps_into_interior(shift, radii):
         raise ProofFailed(*FOLD)
-    # The zero lies in the image of the box by the Krawczyk operator, which is smaller.
+    # The zero lies in the image of the box under the Krawczyk operator, which is smaller.
     return [value + ball for value, ball in zip(centre, shift, strict=True)]
 
 
 def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
     """Return the radius of a box around `centre` that is proven to contain exactly one zero.
 
-    `system` is a function of the unknowns that returns (residuals, rows of their Jacobian matrix,
-    ...). `centre` is an approximate zero and `inverse` the approximate inverse of the Jacobian
-    matrix there, from `polish`. The box has the same half width in all unknowns; smaller boxes are
-    tried until one passes Krawczyk's test. Half of its width is returned, at most half of
-    _MAX_RADIUS.
+    `system` returns (residuals, rows of their Jacobian matrix, ...) for a list of balls. `centre`
+    is an approximate zero and `inverse` the approximate inverse of the Jacobian matrix there, from
+    `refine_zero`. The box has the same half width in all unknowns, and is reduced until it passes
+    Krawczyk's test. Return half of this half width, at most half of _MAX_RADIUS.
     """
     residuals, *_ = system(centre)
     radius = _MAX_RADIUS
@@ -166,14 +163,14 @@ def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
         try:
             shift = krawczyk_shift(system, centre, radii, inverse, residuals)
         except ProofFailed:
-            # The equations cannot be evaluated on so large a box.
+            # The box is too large to evaluate the equations.
             radius *= 0.1
             continue
-        if is_inside(shift, radii):
+        if maps_into_interior(shift, radii):
             # Half of the radius allows for wider enclosures in an independent program.
             return 0.5 * radius
-        # The image of the box relative to the box becomes smaller as the radius decreases, so that
-        # a moderate ratio tells how much smaller the box must be.
+        # The relative size of the image decreases with the radius, so a moderate ratio indicates
+        # how much smaller the box must be.
         ratio = float(max(abs(ball) for ball in shift).upper()) / radius
         if ratio < 1e3:
             radius *= min(0.5, 0.5 / ratio)
@@ -186,9 +183,8 @@ def eigenvalues(matrix: Any) -> list:
     """Return complex balls that enclose all eigenvalues of a matrix, largest modulus first.
 
     The entries of the matrix are balls (intervals with error bounds). The enclosures are the
-    Gershgorin discs of the matrix after a transformation to its approximate eigenvectors, which
-    makes it nearly diagonal. Discs that overlap are replaced by a ball around their union, once for
-    each of them.
+    Gershgorin discs of the matrix in the basis of its approximate eigenvectors, in which it is
+    nearly diagonal. Each of several overlapping discs is replaced by a ball around their union.
     """
     module = flint()
     complex_matrix = module.acb_mat(matrix)
@@ -214,7 +210,7 @@ def eigenvalues(matrix: Any) -> list:
     values = enclosures.copy()
     for i, value in enumerate(values):
         conjugate = module.acb(value.real, -value.imag)
-        # An eigenvalue is real if no other one can be its conjugate.
+        # An eigenvalue is real if no other eigenvalue can be its conjugate.
         if conjugate.overlaps(value) and sum(map(conjugate.overlaps, enclosures)) == 1:
             values[i] = module.acb(value.real)
     return sorted(values, key=lambda value: (-float(abs(value).mid()), -float(value.imag.mid())))
@@ -223,11 +219,12 @@ def eigenvalues(matrix: Any) -> list:
 def stability_verdict(multipliers: list, matrix: Any, determinant: Any) -> tuple[str, str]:
     """Return (stability, reason) of an orbit from its Floquet multipliers and monodromy matrix.
 
-    `multipliers` are complex balls (intervals with error bounds), so that each comparison is a
-    proof. The stability is "stable", "unstable" or "undecided". `determinant` is an enclosure of
-    the determinant of `matrix` that is narrower than the matrix gives it, or None. If it is known
-    and the matrix is 2 x 2, Jury's conditions on trace and determinant are used instead of the
-    multipliers: with determinant 1 and |trace| < 2 both multipliers lie exactly on the unit circle.
+    `multipliers` are complex balls (intervals with error bounds), so each comparison is a proof.
+    The stability is "stable", "unstable" or "undecided". `determinant` is an enclosure of the
+    determinant of `matrix` that is narrower than a computation from the matrix, or None. If it is
+    given and the matrix is 2 x 2, Jury's conditions for trace and determinant are used instead of
+    the multipliers: with determinant 1 and |trace| < 2 both multipliers lie exactly on the unit
+    circle.
     """
     is_unstable = any(abs(value) > 1 for value in multipliers)
     is_stable = all(abs(value) < 1 for value in multipliers)
@@ -237,8 +234,10 @@ def stability_verdict(multipliers: list, matrix: Any, determinant: Any) -> tuple
         is_unstable = determinant > 1 or trace > 1 + determinant
         is_stable = determinant < 1 and trace < 1 + determinant
         if determinant == 1 and trace < 2:
-            text = "both multipliers lie on the unit circle, exactly, and decide nothing"
-            return "undecided", f"nothing is damped on its way: {text}"
+            text = (
+                "both multipliers lie exactly on the unit circle, which does not decide stability"
+            )
+            return "undecided", f"the orbit is undamped: {text}"
     if is_unstable:
         return "unstable", "a multiplier lies outside the unit circle"
     if is_stable:

@@ -2,12 +2,12 @@
 
     M q'' + D q' + K q = f - sum over meshes of (b_drive P + b_coast Q) - friction across them
 
-P and Q are the mesh forces on the drive and the coast side, and b their directions.
+P and Q are the mesh forces on the drive and coast sides, and b their directions.
 
 The floating-point numbers of a `GearPair`, a `SixDegreePair` and a `GearTrain` in SI units are
-taken as exact, and those of the `Equation` of other models with one degree of freedom in its units.
-For a train, the derived mesh phases (in mesh periods), static deflection and reference frequency
-are taken as exact, too. Speed ratios are fractions of tooth numbers.
+taken as exact, as are the numbers in the `Equation` of other models with one degree of freedom. For
+a train, the derived mesh phases (in mesh periods), static deflection and reference frequency are
+also taken as exact. Speed ratios are fractions of tooth numbers.
 """
 
 import math
@@ -18,16 +18,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.analysis.proofs.balls import ball_of, flint
+from gearlib.analysis.proofs.balls import flint, to_ball
 from gearlib.analysis.proofs.certificate_files import ProofFailed
 from gearlib.models.six_degrees import BEARINGS, TwoGears
-from gearlib.models.trains.structure import Arithmetic, coast_lines
+from gearlib.models.trains.structure import Arithmetic, coast_jacobian
 from gearlib.models.trains.turning import thickness_difference
 from gearlib.models.trains.waves import excitation_harmonics, force_harmonics
 
 #: Indices of the two sides of a tooth, as in tables of the models.
 COAST_SIDE, DRIVE_SIDE = 0, 1
-#: Attributes of a train that the library derives from its parameters by floating-point arithmetic.
+#: Attributes of a train that are computed from its parameters in floating-point arithmetic.
 _DERIVED_NUMBERS = "static_deflection", "reference_angular_frequency", "phases", "coast_phases"
 
 
@@ -42,12 +42,13 @@ class MeshTiming(NamedTuple):
     has_friction: bool  #: whether the sliding direction matters
     rate: Fraction = Fraction(1)  #: mesh periods per period of the reference mesh
     phases: tuple = (Fraction(0), Fraction(0))  #: middle of the upper level, in mesh periods
-    #: Phases of the pitch points, relative to `phases[DRIVE_SIDE]`: there the sliding becomes
-    #: positive, and negative half a mesh period later, when the next pair of teeth has the load.
+    #: Phases of the pitch points, relative to `phases[DRIVE_SIDE]`. The sliding becomes positive
+    #: there, and negative half a mesh period later, when the next pair of teeth takes over the
+    #: load.
     pitch_phases: tuple = (Fraction(0), Fraction(0))
 
     def changes(self) -> set[Fraction]:
-        """Return the phases at which the stiffness or the sliding direction changes, as a set.
+        """Return the set of phases at which the stiffness or the sliding direction changes.
 
         Phases are fractions of a mesh period and may lie outside the interval from 0 to 1.
         """
@@ -58,7 +59,7 @@ class MeshTiming(NamedTuple):
                 phases |= {middle + self.overlap / 2, middle - self.overlap / 2}
         if self.has_friction:
             for pitch_phase in self.pitch_phases:
-                # The sliding direction changes at the pitch point and where the next pair takes
+                # The sliding direction changes at the pitch point and when the next pair takes
                 # over.
                 pitch_point = self.phases[DRIVE_SIDE] + pitch_phase
                 phases |= {pitch_point, pitch_point + Fraction(1, 2)}
@@ -80,11 +81,11 @@ class MeshTiming(NamedTuple):
 
 
 class BallMesh(NamedTuple):
-    """A mesh in balls; pairs are (coast side, drive side), rows functionals of n coordinates."""
+    """A mesh in balls; pairs are (coast side, drive side), rows act on the n coordinates."""
 
     name: str
     rows: tuple  #: rows b of the flank distance b q + constant + harmonics
-    constants: tuple  #: with the backlash; None for the coast side of an infinite backlash
+    constants: tuple  #: include the backlash; None for the coast side of an infinite backlash
     stiffness: tuple  #: stiffness levels of both sides
     damping: tuple  #: damping in contact of both sides
     backlash_damping: Any
@@ -93,7 +94,7 @@ class BallMesh(NamedTuple):
     harmonics: dict = {}  #: frequency (`Fraction`) by phase -> rows (cosine, sine) of both sides
     sliding_row: Any = None  #: row of the sliding distance of the flanks; None without friction
     friction: tuple = (0, 0)
-    clearance_varies: bool = False  #: whether the clearance varies, so that it may close
+    clearance_varies: bool = False  #: whether the clearance varies and may therefore close
 
 
 class Segment(NamedTuple):
@@ -116,30 +117,30 @@ class BallModel(NamedTuple):
     length: Any  #: unit of displacements
     frequency: Any  #: unit of the tuning, rad/s
     force_harmonics: dict = {}  #: frequency by phase -> (cosine, sine) of the load, each shape (n,)
-    derived: dict = {}  #: numbers that the library derives from the model, taken as exact
+    derived: dict = {}  #: derived numbers of the model that are taken as exact
 
 
 def ball_model_builder(model) -> Callable:
-    """Return the function that builds the `BallModel` of a model from (model, tuning).
+    """Return the function (model, tuning) -> `BallModel` that builds the `BallModel` of a model.
 
     A `BallModel` has the coefficients of the equations of motion as balls (intervals). Raise
     `ProofFailed` if proofs do not support the model.
     """
     if model.train is not None:
         if model.gyroscopic:
-            text = "a train with the gyroscopic forces of a rotating frame is not supported"
-            raise ProofFailed("model", text)
-        return _train_in_balls if model.train is model else _six_degrees_in_balls
+            message = "trains with gyroscopic forces of a rotating frame are not supported"
+            raise ProofFailed("model", message)
+        return _build_train_model if model.train is model else _build_six_degree_model
     if model.pair is model:
-        return _pair_in_balls
+        return _build_pair_model
     if model.piecewise_linear:
-        return _equation_in_balls
-    text = "trains and piecewise linear models with one degree of freedom are supported"
-    raise ProofFailed("model", f"{text}, not this {type(model).__name__}")
+        return _build_equation_model
+    supported = "only trains and piecewise linear models with one degree of freedom are supported"
+    raise ProofFailed("model", f"a {type(model).__name__} is not supported: {supported}")
 
 
 def ball_arithmetic() -> Arithmetic:
-    """Return the functions with which a gear train is assembled in balls instead of floats.
+    """Return the functions by which a gear train is assembled in balls instead of floats.
 
     Balls are intervals with error bounds; they have the current precision of python-flint.
     """
@@ -157,11 +158,11 @@ def ball_arithmetic() -> Arithmetic:
     return Arithmetic(dtype=object, convert=arb, cos_sin=cos_sin, polar=polar, pi=arb.pi())
 
 
-def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
-    """Return the segments with constant stiffness and sliding in one period of the excitation.
+def constant_segments(timings: list[MeshTiming], common_period: int) -> list[Segment]:
+    """Divide a period of the excitation into segments with constant stiffness and sliding.
 
-    `timings` has the `MeshTiming` of each mesh, its phases of change. `common_period` is the period
-    of the excitation of all meshes together, in periods of the reference mesh.
+    `timings` has the `MeshTiming` of each mesh. `common_period` is the period of the excitation of
+    all meshes together, in periods of the reference mesh.
     """
     starts = {Fraction(0)}  # in periods of the reference mesh
     for timing in timings:
@@ -171,44 +172,47 @@ def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
     for start, end in pairwise([*sorted(starts), Fraction(common_period)]):
         conditions = []
         for timing in timings:
-            # Nothing changes within a segment, so the phase in its middle stands for all.
+            # Nothing changes within a segment, so its conditions are those at its midpoint.
             phase = (start + end) / 2 * timing.rate
             conditions.append([timing.condition(side, phase) for side in (COAST_SIDE, DRIVE_SIDE)])
-        segments.append(Segment(2 * flint().arb.pi() * ball_of(start), conditions))
+        segments.append(Segment(2 * flint().arb.pi() * to_ball(start), conditions))
     return segments
 
 
-def _units(pair) -> dict[str, Any]:
-    """Return the units of a `GearPair`, {"length": ..., "frequency": ...}, as balls (intervals).
+def _pair_units(pair) -> dict[str, Any]:
+    """Return the units "length" and "frequency" of a `GearPair` as balls (intervals).
 
     They are the static deflection in m, and the natural frequency in rad/s at the mean stiffness.
     """
     kappa = flint().arb(pair.stiffness_ratio)  # minimum over maximum stiffness
-    # The fraction of time with two tooth pairs in contact, where the stiffness is largest.
+    # The overlap is the fraction of time with two tooth pairs in contact and maximum stiffness.
     overlap = flint().arb(pair.contact_ratio) - 1
     mean_stiffness = pair.max_stiffness * (kappa * (1 - overlap) + overlap)
     frequency = (mean_stiffness / pair.reduced_mass).sqrt()
     return {"length": pair.load / mean_stiffness, "frequency": frequency}
 
 
-def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, damping, **fields):
-    """Return the `BallModel` of a model with one coordinate, the displacement.
+def _build_one_degree_model(
+    mass, ground_stiffness, load, flank_positions, stiffness, damping, **fields
+):
+    """Build the `BallModel` of a model with one coordinate, the displacement.
 
     `ground_stiffness` acts without contact, and `flank_positions` are the displacements at which
     the (coast, drive) flanks touch. `stiffness` lists the stiffness levels of the (coast, drive)
-    side, which the segments name by index, and `damping` the coefficients for (coast-side contact,
-    no contact, drive-side contact). `fields` are other fields of `BallModel`: segments and units.
+    side, to which the segments refer by index, and `damping` the coefficients for (coast-side
+    contact, no contact, drive-side contact). `fields` are other fields of `BallModel`: segments and
+    units.
     """
     arb = flint().arb
     unit_row = (arb(1),)
-    coast, free, drive = map(arb, damping)
+    coast, no_contact, drive = map(arb, damping)
     mesh = BallMesh(
         name="mesh",
         rows=(unit_row, unit_row),
         constants=tuple(-arb(x) if math.isfinite(x) else None for x in flank_positions),
         stiffness=[[arb(level) for level in levels] for levels in stiffness],
         damping=(coast, drive),
-        backlash_damping=free,
+        backlash_damping=no_contact,
         has_backlash=flank_positions[COAST_SIDE] < flank_positions[DRIVE_SIDE],
     )
     return BallModel(
@@ -222,39 +226,39 @@ def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, 
     )
 
 
-def _pair_in_balls(pair, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `GearPair`, its coefficients as balls (intervals), in SI units.
+def _build_pair_model(pair, tuning: float) -> BallModel:
+    """Build the `BallModel` of a `GearPair`, whose coefficients are balls (intervals), in SI units.
 
-    These do not depend on the `tuning`, which is an argument of all builders of such models.
+    They do not depend on `tuning`, which is an argument of all builders.
     """
     max_stiffness = flint().arb(pair.max_stiffness)
     kappa = pair.stiffness_ratio  # minimum over maximum stiffness
     overlap = Fraction(pair.contact_ratio) - 1
     timing = MeshTiming(overlap, has_switches=kappa != 1.0, has_friction=False)
-    return _one_degree_model(
+    return _build_one_degree_model(
         pair.reduced_mass,
         ground_stiffness=0,
         load=pair.load,
         flank_positions=(-pair.backlash, 0.0),
         stiffness=[(max_stiffness, max_stiffness * kappa)] * 2,
         damping=(pair.material_damping, pair.backlash_damping, pair.material_damping),
-        segments=segments_of([timing], common_period=1),
-        **_units(pair),
+        segments=constant_segments([timing], common_period=1),
+        **_pair_units(pair),
     )
 
 
-def _equation_in_balls(model, tuning: float) -> BallModel:
-    """Return the `BallModel` of a model with one degree of freedom from its `Equation`.
+def _build_equation_model(model, tuning: float) -> BallModel:
+    """Build the `BallModel` of a model with one degree of freedom from its `Equation`.
 
-    The tuning nu (mesh frequency over natural frequency) is taken as an exact number. It matters,
-    because the force of a profile deviation grows with its square.
+    The tuning nu (mesh frequency over natural frequency) is taken as an exact number. It is needed
+    because the force of a profile deviation is proportional to its square.
     """
     arb, equation = flint().arb, model.equation
-    drive_side, coast_side = equation.stiffness_pieces()
+    drive_side, coast_side = equation.stiffness_of_both_sides()
     harmonics = []
     for order, cosine, sine in equation.force.tolist():
         harmonics.append((order, arb(cosine), arb(sine)))
-    # A profile deviation f adds the inertia force f''.
+    # A profile deviation f causes the inertia force f''.
     for order, cosine, sine in equation.deviation.tolist():
         derivative_factor = -((arb(tuning) * order) ** 2)
         harmonics.append((order, derivative_factor * cosine, derivative_factor * sine))
@@ -262,15 +266,15 @@ def _equation_in_balls(model, tuning: float) -> BallModel:
     for order, cosine, sine in harmonics:
         amplitudes = force_harmonics.setdefault(Fraction(order), np.full((2, 1), arb(0)))
         amplitudes[:, 0] += cosine, sine
-    # On segment i both sides have the stiffness level i, and the sliding sign 1 (no friction).
-    starts = [0.0, *drive_side.breaks[1:-1].tolist()]
+    # On segment i both sides have the stiffness level i and the sliding sign 1 (no friction).
+    starts = [0.0, *drive_side.breakpoints[1:-1].tolist()]
     segments = [Segment(arb(start), [[(i, 1), (i, 1)]]) for i, start in enumerate(starts)]
-    return _one_degree_model(
+    return _build_one_degree_model(
         mass=1,
         ground_stiffness=equation.ground_stiffness,
         load=equation.load,
         flank_positions=(equation.lower, equation.upper),
-        stiffness=[side.lines[:, 0].tolist() for side in (coast_side, drive_side)],
+        stiffness=[side.values_and_slopes[:, 0].tolist() for side in (coast_side, drive_side)],
         damping=equation.damping[:, 0].tolist(),
         segments=segments,
         length=arb(1),
@@ -279,20 +283,20 @@ def _equation_in_balls(model, tuning: float) -> BallModel:
     )
 
 
-def _train_in_balls(train, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `GearTrain`, its matrices and meshes as balls (intervals).
+def _build_train_model(train, tuning: float) -> BallModel:
+    """Build the `BallModel` of a `GearTrain`, whose coefficients are balls (intervals).
 
-    These do not depend on the `tuning`, an argument of all builders.
+    They do not depend on `tuning`, which is an argument of all builders.
     """
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
-    coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)
+    coast_rows = coast_jacobian(structure, train.by_name, train.meshes, arithmetic)
     harmonics, constants = excitation_harmonics(train, structure.line_vectors, arithmetic)
     meshes = []
     for j, mesh in enumerate(train.meshes):
         max_stiffness = arb(mesh.max_stiffness)
         coast_constant, drive_constant = constants[:, j]
-        # With infinite backlash there is no coast-side contact, and no flank distance.
+        # With infinite backlash there is no coast-side contact and no flank distance.
         coast_constant = None if math.isinf(mesh.backlash) else coast_constant + mesh.backlash
         # The phase of the pitch point in mesh periods is rounded once, and exact thereafter.
         pitch_phase = Fraction(train.pitch_phases[mesh.name] / math.tau)
@@ -309,10 +313,10 @@ def _train_in_balls(train, tuning: float) -> BallModel:
         meshes.append(
             BallMesh(
                 name=mesh.name,
-                rows=(coast_rows[j], structure.lines[j]),
+                rows=(coast_rows[j], structure.mesh_jacobian[j]),
                 constants=(coast_constant, drive_constant),
                 stiffness=((max_stiffness, max_stiffness * mesh.stiffness_ratio),) * 2,
-                damping=(arb(mesh.known_damping),) * 2,  # the material damping; it must be known
+                damping=(arb(mesh.known_damping),) * 2,  # an error is raised if it is unknown
                 backlash_damping=arb(mesh.backlash_damping),
                 timing=timing,
                 harmonics={
@@ -320,7 +324,7 @@ def _train_in_balls(train, tuning: float) -> BallModel:
                     for frequency, amplitudes in harmonics.items()
                     if not (amplitudes[:, j] == 0).all()
                 },
-                sliding_row=structure.sliding[j] if timing.has_friction else None,
+                sliding_row=structure.sliding_jacobian[j] if timing.has_friction else None,
                 friction=(coast_friction, drive_friction),
                 clearance_varies=mesh.moving_backlash or mesh.coast_deviation != mesh.deviation,
             )
@@ -332,7 +336,7 @@ def _train_in_balls(train, tuning: float) -> BallModel:
         damping=structure.damping,
         load=structure.load,
         meshes=tuple(meshes),
-        segments=segments_of([mesh.timing for mesh in meshes], common_period=train.repeats),
+        segments=constant_segments([mesh.timing for mesh in meshes], common_period=train.repeats),
         length=arb(train.static_deflection),
         frequency=arb(train.reference_angular_frequency),
         force_harmonics=force_harmonics(train, structure.motions, arithmetic),
@@ -340,14 +344,15 @@ def _train_in_balls(train, tuning: float) -> BallModel:
     )
 
 
-def _six_degrees_in_balls(model, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `SixDegreePair`, built from its train but with its own units.
+def _build_six_degree_model(model, tuning: float) -> BallModel:
+    """Build the `BallModel` of a `SixDegreePair` from its train, but with its own units.
 
-    The coefficients are balls (intervals) and do not depend on the `tuning`.
+    The coefficients are balls (intervals) and do not depend on `tuning`.
     """
     train = TwoGears(gears=model, arithmetic=ball_arithmetic())
-    # u3 and u2 are rotations as displacements on the line of action, y is along and z across it.
+    # u3 and u2 are rotations, as displacements along the line of action; y is along and z across
+    # it.
     coordinates = ("u3", "u2", *(BEARINGS[i] for i in model.elastic_bearings()))
-    return _train_in_balls(train, tuning)._replace(
-        coordinates=coordinates, derived={}, **_units(model.pair)
+    return _build_train_model(train, tuning)._replace(
+        coordinates=coordinates, derived={}, **_pair_units(model.pair)
     )
