@@ -1,1 +1,1 @@
-"""Gearboxes from REXS files: their stages, their loads, and the whole box as a gear train."""
+"""Gearboxes from REXS files: their stages, their loads, and the whole gearbox as a gear train."""

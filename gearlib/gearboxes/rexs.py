@@ -1,8 +1,8 @@
 """Reading of REXS files, the exchange format of gear units, versions 1.0 to 1.7 (rexs.info).
 
-A file has components with attributes, relations between components, and load cases in which
-components have other values. It is XML or JSON, alone or in a ZIP archive. Unknown components and
-attributes are ignored.
+A file contains components with attributes, relations between components, and load cases that
+override attributes. It is XML or JSON, possibly in a ZIP archive. Unknown components and attributes
+are ignored.
 """
 
 import io
@@ -17,17 +17,17 @@ from xml.etree import ElementTree
 from gearlib import checks, units
 from gearlib.checks import InputError
 
-#: Newest version that is read.
-_NEWEST = (1, 7)
-#: Unit in a file -> its spelling for `gearlib.units`.
-_SPELLINGS = {"": "1", "none": "1", "-": "1", "mum": "um", "°": "deg"}
-#: Endings of the attributes that state the fraction of the load duration of a load case.
-_FRACTIONS = ("load_duration_fraction", "operating_time_fraction")
-_SUFFIXES = (".rexs", ".rexsj", ".xml", ".json")
+#: Newest supported version.
+_NEWEST_VERSION = (1, 7)
+#: Spelling of units in REXS files -> spelling in `gearlib.units`.
+_UNIT_SPELLINGS = {"": "1", "none": "1", "-": "1", "mum": "um", "°": "deg"}
+#: Suffixes of attributes that give the fraction of the load duration for a load case.
+_FRACTION_SUFFIXES = ("load_duration_fraction", "operating_time_fraction")
+_FILE_SUFFIXES = (".rexs", ".rexsj", ".xml", ".json")
 
 
 class Component(NamedTuple):
-    """A part of a gearbox with its attributes."""
+    """A component of a gearbox with its attributes."""
 
     id: str
     type: str  #: such as "cylindrical_gear"
@@ -37,16 +37,15 @@ class Component(NamedTuple):
     def __str__(self):
         return f"{self.type} {self.name}"
 
-    def value(self, name: str) -> Any:
-        """Return the value of an attribute without its unit, or None if it is not given."""
+    def get_value(self, name: str) -> Any:
+        """Return the value of an attribute without its unit, or None if it is missing."""
         return self.attributes.get(name, (None, ""))[0]
 
-    def number(self, name: str, unit: str, purpose: str = "") -> float | None:
-        """Return an attribute as a number in a unit of `gearlib.units`, or None if it is not given.
+    def get_number(self, name: str, unit: str, purpose: str = "") -> float | None:
+        """Return a numeric attribute converted to `unit`, or None if it is missing.
 
-        The file states the attribute with a unit of its own, which is converted. If a `purpose` is
-        given, as in "for the contact ratios", a missing attribute raises a ValueError that names
-        the purpose.
+        `unit` is a unit of `gearlib.units`. If `purpose` is given, e.g. "for the contact ratios", a
+        missing attribute raises an `InputError` that states the purpose.
         """
         value, file_unit = self.attributes.get(name, (None, ""))
         text = str(value).strip().lower()
@@ -55,7 +54,7 @@ class Component(NamedTuple):
                 problem = f"is missing: it must be given {purpose}"
                 raise InputError(name, problem=problem, owner=str(self))
             return None
-        spelling = _SPELLINGS.get(str(file_unit).strip(), str(file_unit).strip())
+        spelling = _UNIT_SPELLINGS.get(str(file_unit).strip(), str(file_unit).strip())
         try:
             if unit == "1" and spelling == "%":
                 number = float(text) / 100.0
@@ -64,7 +63,7 @@ class Component(NamedTuple):
             else:
                 number = units.parse_quantity(f"{text} {spelling}", unit)
         except ValueError:
-            number = math.nan  # raises the error below
+            number = math.nan  # The check below raises the error.
         if not math.isfinite(number):
             allowed = "a number"
             if unit != "1":
@@ -72,21 +71,21 @@ class Component(NamedTuple):
             raise InputError(name, f"{value} {file_unit}".strip(), allowed, owner=str(self))
         return number
 
-    def vector(self, name: str, unit: str) -> list[float] | None:
-        """Return an attribute that is an array as a list of numbers, or None if it is not given.
+    def get_vector(self, name: str, unit: str) -> list[float] | None:
+        """Return an array attribute as a list of numbers in `unit`, or None if it is missing.
 
-        `unit` is the unit of the results, one of `gearlib.units`.
+        `unit` is a unit of `gearlib.units`.
         """
         values, file_unit = self.attributes.get(name, (None, ""))
         if not isinstance(values, list):
             return None
-        # Each entry is read as if it were the only value of the attribute.
-        entries = [self._replace(attributes={name: (value, file_unit)}) for value in values]
-        return [entry.number(name, unit, "as an array of numbers") for entry in entries]
+        # Copies of the component, each with one entry as the value of the attribute.
+        copies = [self._replace(attributes={name: (value, file_unit)}) for value in values]
+        return [copy.get_number(name, unit, "as an array of numbers") for copy in copies]
 
     def is_true(self, name: str) -> bool | None:
-        """Return whether an attribute is true, or None if it is not given."""
-        value = self.value(name)
+        """Return whether an attribute is true, or None if it is missing."""
+        value = self.get_value(name)
         return None if value is None else str(value).strip().lower() == "true"
 
 
@@ -99,16 +98,16 @@ class RexsModel(NamedTuple):
     relations: list[tuple[str, list]]  #: (type, [(role, id of the component), ...])
     load_cases: dict[str, dict]  #: name -> id of a component -> its attributes in this load case
 
-    def of_type(self, *types: str) -> list[Component]:
-        """Return the components of the given types, in the order of the file."""
+    def components_of_type(self, *types: str) -> list[Component]:
+        """Return the components of the given types in the order of the file."""
         return [part for part in self.components.values() if part.type in types]
 
-    def related(self, relation: str, **roles: Component) -> Iterator[dict]:
-        """Yield the relations of a type, each as a dict: role -> component.
+    def find_relations(self, relation: str, **roles: Component) -> Iterator[dict]:
+        """Yield all relations of a type, each as a dict: role -> component.
 
-        A relation of the type "assembly", for example, has the roles "assembly" and "part". `roles`
-        restricts the result to relations in which the given components have these roles, as in
-        related("assembly", assembly=shaft). Relations with unknown components are ignored.
+        A relation of the type "assembly", for example, has the roles "assembly" and "part". With
+        `roles`, only relations are yielded in which the given components have these roles, e.g.
+        find_relations("assembly", assembly=shaft). Relations to unknown components are skipped.
         """
         for relation_type, references in self.relations:
             parts = {role: self.components.get(key) for role, key in references}
@@ -119,51 +118,47 @@ class RexsModel(NamedTuple):
 
     def parts_of(self, assembly: Component) -> list[Component]:
         """Return the parts of an assembly, such as the gears and sections of a shaft."""
-        return [parts["part"] for parts in self.related("assembly", assembly=assembly)]
+        return [parts["part"] for parts in self.find_relations("assembly", assembly=assembly)]
 
-    def linked(self, part: Component, component_type: str) -> list[Component]:
-        """Return the components of a type that are in any relation with a component.
-
-        `part` is the component, and `component_type` is a type such as "tip_relief".
-        """
+    def find_linked(self, part: Component, component_type: str) -> list[Component]:
+        """Return the components of a type, such as "tip_relief", that are related to `part`."""
         linked_parts = []
         for _, references in self.relations:
             keys = [key for _, key in references]
             if part.id in keys:
                 linked_parts += [self.components[key] for key in keys if key in self.components]
-        return [other for other in linked_parts if other.type == component_type]
+        return [x for x in linked_parts if x.type == component_type]
 
-    def referenced(self, origin: Component, *types: str) -> Component | None:
+    def find_referenced(self, origin: Component, *types: str) -> Component | None:
         """Return the first component of the given types to which `origin` refers, or None.
 
-        A gear, for example, refers to its material by a relation of the type "reference".
+        A gear, for example, refers to its material through a relation of the type "reference".
         """
-        for parts in self.related("reference", origin=origin):
+        for parts in self.find_relations("reference", origin=origin):
             if parts["referenced"].type in types:
                 return parts["referenced"]
         return None
 
-    def load_fractions(self) -> dict[str, float]:
-        """Return a dict: load case -> its fraction of the load duration, NaN if not stated.
+    def load_case_fractions(self) -> dict[str, float]:
+        """Return a dict: load case -> fraction of the load duration, NaN if it is not stated.
 
-        The attribute with the fraction may belong to any component that the load case changes.
+        The fraction may be an attribute of any component of the load case.
         """
         fractions = {}
         for name, changes in self.load_cases.items():
             fractions[name] = math.nan
             for key, attributes in changes.items():
                 for attribute in attributes:
-                    if attribute.endswith(_FRACTIONS):
-                        # The component only serves to read the number.
+                    if attribute.endswith(_FRACTION_SUFFIXES):
+                        # This component is only used to convert the attribute to a number.
                         part = Component(key, "load case", name, attributes)
-                        fractions[name] = part.number(attribute, "1") or 0.0
+                        fractions[name] = part.get_number(attribute, "1") or 0.0
         return fractions
 
-    def in_case(self, name: str | None) -> "RexsModel":
-        """Return a copy of the model with the values of a load case.
+    def with_load_case(self, name: str | None) -> "RexsModel":
+        """Return a copy of the model in which the attributes of a load case override others.
 
-        `name` is the load case; None means no load case. Attributes that the load case does not
-        state keep their values.
+        If `name` is None, no load case is applied.
         """
         changes = self.load_cases[name] if name else {}
         components = {
@@ -174,79 +169,83 @@ class RexsModel(NamedTuple):
 
 
 def read(path: Any) -> RexsModel:
-    """Return the content of a REXS file: .rexs, .rexsj, .rexsz or .rexs.zip.
+    """Read a REXS file: .rexs, .rexsj, .rexsz or .rexs.zip.
 
-    The format follows from the content: a ZIP archive, JSON or XML. Raises FileNotFoundError, or
-    ValueError if the file is damaged or of another version.
+    The format (ZIP archive, JSON or XML) is detected from the content. Raise FileNotFoundError if
+    there is no such file, and ValueError if it is damaged or its version is not supported.
     """
     content = Path(path).read_bytes()
     try:
         if content[:2] == b"PK":  # a ZIP archive
-            content = _model_in_archive(content)
-        # JSON begins with a brace behind an optional byte order mark and white space.
+            content = _read_archived_model(content)
+        # JSON begins with a brace after an optional byte order mark and white space.
         if content.lstrip(b"\xef\xbb\xbf \r\n\t")[:1] == b"{":
             tree = json.loads(content.decode("utf-8-sig"))
-            return _model(tree.get("model", tree))
-        return _model(_from_xml(ElementTree.fromstring(content)))
+            return _build_model(tree.get("model", tree))
+        return _build_model(_convert_xml_model(ElementTree.fromstring(content)))
     except InputError as error:
         raise ValueError(f"{path}: {error}") from None
     except Exception as error:  # Damaged files raise errors of zipfile, ElementTree and json.
-        raise ValueError(f"{path} is damaged or no REXS file: {error}") from error
+        raise ValueError(f"{path} is damaged or not a REXS file: {error}") from error
 
 
-def _model_in_archive(content: bytes) -> bytes:
-    """Return the content of the model file in a ZIP archive.
+def _read_archived_model(content: bytes) -> bytes:
+    """Return the content of the model file in a ZIP archive, given as bytes.
 
-    If there are several, it is one in the outermost folder, with the shortest path. `content` is
-    the archive itself.
+    Of several model files, one in the outermost folder is read; if there are several in that
+    folder, the one with the shortest path.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        names = [name for name in archive.namelist() if name.lower().endswith(_SUFFIXES)]
+        names = [name for name in archive.namelist() if name.lower().endswith(_FILE_SUFFIXES)]
         if not names:
-            raise ValueError("the archive has no model, a file with the suffix .rexs or .rexsj")
+            raise ValueError(
+                "the archive has no model: it must contain a file with the suffix .rexs or .rexsj"
+            )
         return archive.read(min(names, key=lambda name: (name.count("/"), len(name))))
 
 
-def _from_xml(root: ElementTree.Element) -> dict:
-    """Convert an XML model to the dicts and lists of a JSON model.
-
-    `root` is the root of the XML tree.
-    """
+def _convert_xml_model(root: ElementTree.Element) -> dict:
+    """Convert the root of an XML tree to the dicts and lists of a JSON model."""
     for element in root.iter():
-        element.tag = str(element.tag).rpartition("}")[2]  # without a namespace
+        element.tag = str(element.tag).rpartition("}")[2]  # Remove the namespace.
     model = root if root.tag == "model" else root.find(".//model")
     load_cases = []
     spectrum = model.find("load_spectrum")
     for case in [] if spectrum is None else spectrum.findall("load_case"):
-        # Some files have the components of a load case in an element of their own.
+        # In some files, the components of a load case are in a separate element.
         parent = case.find("components")
-        components = _xml_entries(case if parent is None else parent, "component", "attribute")
+        components = _convert_xml_elements(
+            case if parent is None else parent, "component", "attribute"
+        )
         load_cases.append(dict(case.attrib) | {"components": components})
     return dict(model.attrib) | {
-        "relations": _xml_entries(model.find("relations"), "relation", "ref"),
-        "components": _xml_entries(model.find("components"), "component", "attribute"),
+        "relations": _convert_xml_elements(model.find("relations"), "relation", "ref"),
+        "components": _convert_xml_elements(model.find("components"), "component", "attribute"),
         "load_spectrum": {"load_cases": load_cases},
     }
 
 
-def _xml_entries(parent: ElementTree.Element | None, tag: str, child_tag: str) -> list[dict]:
-    """Convert XML elements to the dicts of a JSON model, and return these as a list.
+def _convert_xml_elements(
+    parent: ElementTree.Element | None, tag: str, child_tag: str
+) -> list[dict]:
+    """Convert the children of an XML element with the tag `tag` to a list of dicts, as in JSON.
 
-    The elements are those with the tag `tag` directly below `parent`; without a parent, None, there
-    are none. A dict has the XML attributes of its element and, under the plural of `child_tag`, the
-    list of its converted children.
+    Each dict has the XML attributes of its element and, under the plural of `child_tag`, the list
+    of its converted children. If `parent` is None, the list is empty.
     """
     entries = []
     for element in [] if parent is None else parent.findall(tag):
-        children = [dict(child.attrib) | _xml_value(child) for child in element.findall(child_tag)]
+        children = [
+            dict(child.attrib) | _convert_xml_value(child) for child in element.findall(child_tag)
+        ]
         entries.append(dict(element.attrib) | {f"{child_tag}s": children})
     return entries
 
 
-def _xml_value(element: ElementTree.Element) -> dict:
-    """Return {"value": string} for an attribute of a component, or {} for other elements.
+def _convert_xml_value(element: ElementTree.Element) -> dict:
+    """Return {"value": string} for an <attribute> element, or {} for other elements.
 
-    The value of an array is a list with the strings of its cells, the elements <c>.
+    The value of an array is the list of the strings in its cells, the elements <c>.
     """
     if element.tag != "attribute":
         return {}
@@ -256,17 +255,19 @@ def _xml_value(element: ElementTree.Element) -> dict:
     return {"value": [cell.text for cell in array.iter("c")]}
 
 
-def _model(tree: dict) -> RexsModel:
-    """Return the content of a JSON model, in which names of components are made unique.
+def _build_model(tree: dict) -> RexsModel:
+    """Build a `RexsModel` from a JSON model; make the names of components unique.
 
-    Raises ValueError if the version of the format is not supported.
+    Raise an `InputError` if the version of the format is not supported.
     """
     version = str(tree.get("version") or "")
-    # -1 stands for a part of the version that is no number, and is refused.
-    numbers = tuple(int(text) if text.isdigit() else -1 for text in version.split(".")[:2])
-    allowed = f"a version of REXS from 1.0 to {'.'.join(map(str, _NEWEST))}"
-    checks.require((1, 0) <= numbers <= _NEWEST, "version", version or None, allowed)
-    components = _components(tree)
+    # A part of the version that is not a number becomes -1, so that the check fails.
+    version_numbers = tuple(int(text) if text.isdigit() else -1 for text in version.split(".")[:2])
+    allowed = f"a version of REXS from 1.0 to {'.'.join(map(str, _NEWEST_VERSION))}"
+    checks.require(
+        (1, 0) <= version_numbers <= _NEWEST_VERSION, "version", version or None, allowed
+    )
+    components = _build_components(tree)
     names = [part.name for part in components.values()]
     for key, part in components.items():
         suffix = f"[{part.id}]"
@@ -282,21 +283,18 @@ def _model(tree: dict) -> RexsModel:
         name = str(case.get("name") or case.get("id") or number)
         if name in load_cases:
             name = f"{name} [{number}]"
-        load_cases[name] = {key: part.attributes for key, part in _components(case).items()}
+        load_cases[name] = {key: part.attributes for key, part in _build_components(case).items()}
     application = str(tree.get("applicationId") or "")
     return RexsModel(version, application, components, relations, load_cases)
 
 
-def _components(node: dict) -> dict[str, Component]:
-    """Return the components of a JSON model or load case as a dict: id -> component.
-
-    `node` is the dict of the model or load case.
-    """
+def _build_components(node: dict) -> dict[str, Component]:
+    """Return the components of a JSON model or load case as a dict: id -> component."""
     components = {}
     for part in node.get("components") or []:
         attributes = {}
         for entry in part.get("attributes") or []:
-            # In JSON the key of the value is the name of its type, such as "floating_point".
+            # In JSON, the key of the value is its type, such as "floating_point".
             values = [value for key, value in entry.items() if key not in ("id", "unit")]
             attributes[entry["id"]] = (values[0] if values else None, entry.get("unit") or "")
         name = " ".join(str(part.get("name") or part["type"]).split())

@@ -1,11 +1,12 @@
-"""`Gearbox.train`: the whole box as a `GearTrain` of gears, shafts and meshes.
+"""`Gearbox.train`: the whole gearbox as a `GearTrain` of gears, shafts and meshes.
 
-The nodes of a shaft are its gears and, outside their faces, loads, couplings and bearings with a
-stiffness. Springs run between facing faces, and half of their inertia goes to each end; the rest of
-a shaft belongs to the node that it passes, or at which it ends. A gear is a cylinder of its
-reference diameter around the shaft, a ring gear a ring from there to its rim. Rigid couplings join
-nodes to one body, and so do planet carriers with their parts. Where bearings have a stiffness,
-nodes move across the axis, and sections between them resist as beams whose ends do not tilt.
+The nodes of a shaft are its gears and, outside their faces, loads, couplings and elastic bearings.
+The free lengths of shaft between nodes are springs, and half of their mass and inertia is added to
+each adjacent node; the remaining parts of the shaft belong to the node at which they are. A gear is
+a cylinder with the reference diameter around the shaft, a ring gear a ring from that diameter to
+the rim. Rigid couplings merge nodes to one body; a planet carrier and its parts are also one body.
+With elastic bearings, nodes also move perpendicular to the axis, and the shaft between them acts as
+a beam whose ends do not tilt.
 """
 
 import math
@@ -15,7 +16,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.checks import InputError
-from gearlib.gearboxes.parts import RIGID
+from gearlib.gearboxes.parts import RIGID_STIFFNESS
 from gearlib.gearboxes.rexs import Component
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
@@ -25,33 +26,33 @@ from gearlib.models.trains.train import GearTrain
 if TYPE_CHECKING:
     from gearlib.gearboxes.gearbox import Gearbox
 
-#: Distances between faces and coordinates, in m, below this count as 0.
-_TOUCHING = 1e-9
-#: Force that an unloaded mesh gets, over the largest mesh force.
-_LEAST_LOAD = 1e-6
+#: Differences of coordinates up to this value, in m, are treated as zero.
+_COORDINATE_TOLERANCE = 1e-9
+#: Force of an unloaded mesh, relative to the largest mesh force.
+_MIN_RELATIVE_FORCE = 1e-6
 
 
 class _Node:
-    """Parts that turn as one body, between two coordinates of a shaft."""
+    """Parts that move as one body, e.g. a gear with the length of shaft inside it."""
 
     def __init__(self, parts: list, shaft: Any = None, start: float = 0.0, end: float = 0.0):
-        """Create a node, a set of components that turn as one body, without mass so far.
+        """Create a node without mass from a list of components.
 
-        `shaft` is the component of its shaft, None for a carrier; `start` and `end` are the
-        coordinates on the shaft, in m, between which the node lies.
+        `shaft` is the component of the shaft, None for a carrier; the node extends from `start` to
+        `end`, coordinates on the shaft in m.
         """
         self.parts, self.shaft, self.start, self.end = parts, shaft, start, end
         self.mass = self.inertia = self.torque = self.torsional_stiffness = 0.0
-        #: Stiffness of its axis, N/m; None: as of the body to which it belongs, else rigid.
-        self.support: float | None = None
-        #: The node to which this node was joined, or itself.
-        self.owner = self
+        #: Stiffness that supports the axis, N/m; None if this node has no bearings.
+        self.support_stiffness: float | None = None
+        #: The node with which this node was merged, or the node itself.
+        self.parent = self
 
     @property
     def gear(self) -> Component | None:
-        """The gear among the components of the node, or None.
+        """The gear of the node, or None.
 
-        Raises ValueError if there are several, because a body of a train can have only one gear.
+        Raises an `InputError` if there are several, because a body can have only one gear.
         """
         gears = [part for part in self.parts if part.type.endswith("_gear")]
         if len(gears) > 1:
@@ -61,7 +62,7 @@ class _Node:
 
     @property
     def name(self) -> str:
-        """The name of the body: of its gear, carrier or load, else of a spring and its shaft."""
+        """The name of the gear, carrier or load, else of the first part and the shaft."""
         if self.gear:
             return self.gear.name
         for part in self.parts:
@@ -70,129 +71,128 @@ class _Node:
         return f"{self.parts[0].name}, {self.shaft.name}"
 
     def body(self) -> "_Node":
-        """Return the node that represents all nodes joined to this one."""
-        return self if self.owner is self else self.owner.body()
+        """Return the node that represents all nodes merged with this one."""
+        return self if self.parent is self else self.parent.body()
 
-    def join(self, other: "_Node") -> None:
-        """Join the body of another node to the body of this node, which gets its mass and loads.
+    def merge(self, other: "_Node") -> None:
+        """Merge the body of another node into the body of this node.
 
-        The support of the joined body is the sum of both supports, as far as they are known.
+        Masses, inertias, torques and stiffnesses are added; a support stiffness of None is ignored.
         """
         body, other_body = self.body(), other.body()
         if body is other_body:
             return
-        other_body.owner = body
+        other_body.parent = body
         body.parts = body.parts + other_body.parts
         body.mass += other_body.mass
         body.inertia += other_body.inertia
         body.torque += other_body.torque
         body.torsional_stiffness += other_body.torsional_stiffness
-        if body.support is None:
-            body.support = other_body.support
-        elif other_body.support is not None:
-            body.support += other_body.support
+        if body.support_stiffness is None:
+            body.support_stiffness = other_body.support_stiffness
+        elif other_body.support_stiffness is not None:
+            body.support_stiffness += other_body.support_stiffness
 
 
-class _Assembly:
-    """The nodes and springs of a gearbox, from which its gear train is made."""
+class _TrainBuilder:
+    """Builder of the bodies and shafts of a gear train from the nodes and springs of a gearbox."""
 
-    def __init__(self, box, load_case, bearing_stiffness, gears: dict[str, SpurGear]):
-        """Create the nodes and springs of all shafts that take part in a mesh.
+    def __init__(self, gearbox, load_case, bearing_stiffness, gears: dict[str, SpurGear]):
+        """Create the nodes and springs of all rotors that have a mesh.
 
-        A node is a set of parts that turn as one body, and springs are elastic parts between two
-        nodes. `load_case` is a name, or None for the first one. Unless it is None,
-        `bearing_stiffness` in N/m replaces all stated values. `gears` maps ids of components to
-        geometries.
+        `load_case` is a name, or None for the first one. If `bearing_stiffness` in N/m is not None,
+        it replaces all stated values. `gears` maps component ids to geometries.
         """
-        self.box, self.model, self.gears = box, box.model, gears
-        self.loads = box.loads(load_case)
-        bearings = box.bearings
+        self.gearbox, self.model, self.gears = gearbox, gearbox.model, gears
+        self.loads = gearbox.loads(load_case)
+        bearings = gearbox.bearings
         if bearing_stiffness is not None:
             bearings = [bearing._replace(stiffness=bearing_stiffness) for bearing in bearings]
-        #: Elastic bearings.
-        self.bearings = [x for x in bearings if x.stiffness and x.stiffness < RIGID]
+        self.elastic_bearings = [
+            x for x in bearings if x.stiffness and x.stiffness < RIGID_STIFFNESS
+        ]
         self.nodes: list[_Node] = []
         #: Tuples (node, node, torsional stiffness in N m/rad, bending stiffness in N/m).
         self.springs: list[tuple] = []
-        #: (id of a load, coupling or bearing, id of the part that has it) -> node
-        self.places: dict[tuple, _Node] = {}
-        self.rigid_parts: dict[str, _Node] = {}  #: id of a carrier or of a part of it -> its node
-        for carrier_id in {stage.carrier for stage in box.stages.values() if stage.carrier}:
+        #: (id of a load, coupling or bearing, id of its shaft) -> node
+        self.attachment_nodes: dict[tuple, _Node] = {}
+        self.carrier_nodes: dict[str, _Node] = {}  #: id of a carrier or of one of its parts -> node
+        for carrier_id in {stage.carrier for stage in gearbox.stages.values() if stage.carrier}:
             self._add_carrier(self.model.components[carrier_id])
-        for part in self.model.of_type("shaft"):
-            rotor = box.rotors.rotor(part.id)
-            if rotor in box.rotors.turning and part.id not in self.rigid_parts:
+        for part in self.model.components_of_type("shaft"):
+            rotor = gearbox.rotors.find_rotor(part.id)
+            if rotor in gearbox.rotors.meshing_rotors and part.id not in self.carrier_nodes:
                 self._add_shaft(part)
         self._add_couplings()
 
     def _add_carrier(self, carrier: Component) -> None:
-        """Add a node for a planet carrier with its side plates and pins.
+        """Add a node for a planet carrier with the mass and inertia of its side plates and pins.
 
-        The mass and inertia of the node are those of these parts; a pin lies at the radius of the
-        planets. The ids of all parts are stored, so that the node can be found by them.
+        The node is stored in `carrier_nodes` for the carrier and each of these parts.
         """
         node = _Node([carrier])
         self.nodes.append(node)
-        rotor = self.box.rotors.rotor(carrier.id)
-        pin_ids = {roles["shaft"].id for roles in self.model.related("planet_pin")}
+        rotor = self.gearbox.rotors.find_rotor(carrier.id)
+        pin_ids = {roles["shaft"].id for roles in self.model.find_relations("planet_pin")}
         for part in self.model.components.values():
-            if self.box.rotors.rotor(part.id) != rotor:
+            if self.gearbox.rotors.find_rotor(part.id) != rotor:
                 continue
             if part.type == "side_plate":
-                outer = part.number("outer_diameter", "m") or 0.0
-                inner = part.number("inner_diameter", "m") or 0.0
-                length = part.number("length", "m") or 0.0
-                density = self.box.material(part)[0].density
+                outer = part.get_number("outer_diameter", "m") or 0.0
+                inner = part.get_number("inner_diameter", "m") or 0.0
+                length = part.get_number("length", "m") or 0.0
+                density = self.gearbox.material(part)[0].density
                 node.mass += math.pi / 4.0 * density * length * (outer**2 - inner**2)
                 node.inertia += math.pi / 32.0 * density * length * (outer**4 - inner**4)
             elif part.id in pin_ids:
-                pin = self.box.shafts[part.id]
+                pin = self.gearbox.shafts[part.id]
                 mass = pin.mass(*pin.ends)
                 node.mass += mass
-                node.inertia += pin.inertia(*pin.ends) + mass * self.box.pin_radius(carrier) ** 2
+                node.inertia += (
+                    pin.inertia(*pin.ends) + mass * self.gearbox.pin_radius(carrier) ** 2
+                )
             elif part.type != "planet_carrier":
                 continue
-            self.rigid_parts[part.id] = node
+            self.carrier_nodes[part.id] = node
 
-    def _items(self, part: Component) -> list[tuple]:
-        """Return all that a shaft carries as tuples (start, end, component), in their order.
+    def _list_attachments(self, part: Component) -> list[tuple]:
+        """Return what is attached to a shaft as sorted tuples (start, end, component).
 
         These are gears, loads, couplings, elastic bearings and carriers. `start` and `end` are
-        coordinates on the shaft in m, which are equal for all items but gears. `part` is the
-        component of the shaft.
+        coordinates on the shaft in m, which differ only for gears. `part` is the component of the
+        shaft.
         """
-        items = [
-            (*self.box.face(gear), gear)
+        attachments = [
+            (*self.gearbox.face(gear), gear)
             for gear in self.model.parts_of(part)
             if gear.id in self.gears
         ]
-        for load, owner in self.loads.external:
+        for load, owner in self.loads.external_loads:
             if owner.id == part.id:
-                u = load.number("u_coordinate_on_shaft", "m", "for the place of the load")
-                items.append((u, u, load))
-        for spring in [*self.box.couplings, *self.bearings]:
+                u = load.get_number("u_coordinate_on_shaft", "m", "for the place of the load")
+                attachments.append((u, u, load))
+        for spring in [*self.gearbox.couplings, *self.elastic_bearings]:
             for owner, u in (spring.inner, spring.outer):
                 if owner.id == part.id:
-                    u = self.box.coordinate(spring.part, part) if u is None else u
-                    items.append((u, u, spring.part))
-        for key in self.rigid_parts:
+                    u = self.gearbox.coordinate(spring.part, part) if u is None else u
+                    attachments.append((u, u, spring.part))
+        for key in self.carrier_nodes:
             carrier = self.model.components[key]
-            if carrier.type == "planet_carrier" and self._is_welded(part, key):
-                u = self.box.end_at_planets(part, carrier)
-                items.append((u, u, carrier))
-        return sorted(items, key=lambda item: item[:2])
+            if carrier.type == "planet_carrier" and self._is_one_piece(part, key):
+                u = self.gearbox.end_at_planets(part, carrier)
+                attachments.append((u, u, carrier))
+        return sorted(attachments, key=lambda attachment: attachment[:2])
 
-    def _is_welded(self, part: Component, carrier_id: str) -> bool:
-        """Return whether a shaft and a planet carrier are one piece.
+    def _is_one_piece(self, part: Component, carrier_id: str) -> bool:
+        """Return whether a shaft, given by its component, and a planet carrier are one piece.
 
-        `part` is the component of the shaft. They are one piece if they belong to the same rotor, a
-        set of parts that turn together, and no coupling joins the shaft to another part than the
-        casing.
+        They are one piece if they belong to the same rotor, and no coupling joins the shaft to a
+        part other than the casing.
         """
-        rotors = self.box.rotors
-        if rotors.rotor(part.id) != rotors.rotor(carrier_id):
+        rotors = self.gearbox.rotors
+        if rotors.find_rotor(part.id) != rotors.find_rotor(carrier_id):
             return False
-        for coupling in self.box.couplings:
+        for coupling in self.gearbox.couplings:
             ends = {coupling.inner[0].id, coupling.outer[0].id}
             if part.id in ends and len(ends - rotors.casings) == 2:
                 return False
@@ -201,54 +201,57 @@ class _Assembly:
     def _add_shaft(self, part: Component) -> None:
         """Add the nodes of a shaft, given by its component, and the springs between them.
 
-        Each gear has a node of its own. An item that touches the previous node is added to this
-        node, and so is each item of a shaft without sections, which has no elasticity.
+        Each gear has its own node. An attachment that touches the preceding node is added to this
+        node. A shaft without sections is rigid, so that only its gears are separate nodes.
         """
-        shaft, nodes = self.box.shafts[part.id], []
-        for start, end, item in self._items(part):
+        shaft, nodes = self.gearbox.shafts[part.id], []
+        for start, end, attachment in self._list_attachments(part):
             previous = nodes[-1] if nodes else None
-            is_gear = item.id in self.gears
-            if previous and start <= previous.end + _TOUCHING and not (is_gear and previous.gear):
+            is_gear = attachment.id in self.gears
+            if (
+                previous
+                and start <= previous.end + _COORDINATE_TOLERANCE
+                and not (is_gear and previous.gear)
+            ):
                 previous.start = start if is_gear else previous.start
                 previous.end = max(previous.end, end)
-                previous.parts.append(item)
+                previous.parts.append(attachment)
             elif previous and not shaft.sections and not (is_gear and previous.gear):
-                previous.parts.append(item)
+                previous.parts.append(attachment)
             else:
-                nodes.append(_Node([item], part, start, end))
-            self.places[item.id, part.id] = nodes[-1]
+                nodes.append(_Node([attachment], part, start, end))
+            self.attachment_nodes[attachment.id, part.id] = nodes[-1]
         if nodes:
             self._distribute_shaft(shaft, nodes)
         self.nodes += nodes
         for node in nodes:
             if node.gear:
-                mass, inertia = self._gear_mass_and_inertia(node.gear, shaft)
+                mass, inertia = self._compute_gear_inertia(node.gear, shaft)
                 node.mass += mass
                 node.inertia += inertia
-            for item in node.parts:
-                node.torque += self.loads.torques.get(item.id, 0.0)
+            for component in node.parts:
+                node.torque += self.loads.torques.get(component.id, 0.0)
             self._set_support(node, part)
-            for item in node.parts:
-                if item.type == "planet_carrier":
-                    self.rigid_parts[item.id].join(node)
+            for component in node.parts:
+                if component.type == "planet_carrier":
+                    self.carrier_nodes[component.id].merge(node)
 
     def _distribute_shaft(self, shaft, nodes: list[_Node]) -> None:
-        """Add the mass and inertia of a shaft to its nodes, and the springs between them.
+        """Add the mass and inertia of a shaft to its nodes, and add the springs between nodes.
 
-        The springs are the free lengths of the shaft between two nodes, and half of their mass and
-        inertia goes to each of these. The rest belongs to the node that it passes or at which it
-        ends. `shaft` is a `gearlib.gearboxes.parts.Shaft`; the nodes are in the order of their
-        coordinates.
+        The springs are the free lengths of shaft between two nodes; half of their mass and inertia
+        is added to each of these. The remaining parts of the shaft belong to the node at which they
+        are. `shaft` is a `gearlib.gearboxes.parts.Shaft`; the nodes are sorted by coordinate.
         """
-        # Between `left` and `right` the shaft belongs to a node; then a spring follows.
+        # The shaft belongs to the node from `left` to `right`, and to a spring up to `next_left`.
         left = shaft.ends[0]
         for node, following in zip(nodes, [*nodes[1:], None], strict=True):
             if following is None:
                 right, next_left = shaft.ends[1], 0.0
-            elif following.start - node.end > _TOUCHING:
+            elif following.start - node.end > _COORDINATE_TOLERANCE:
                 right, next_left = node.end, following.start
                 spring_ends = right, next_left
-            else:  # Faces that touch or overlap: the spring runs between the middles.
+            else:  # The faces touch or overlap: the spring connects the middles of the nodes.
                 right = next_left = (node.end + following.start) / 2.0
                 middle = (node.start + node.end) / 2.0
                 spring_ends = middle, (following.start + following.end) / 2.0
@@ -264,112 +267,117 @@ class _Assembly:
             left = next_left
 
     def _set_support(self, node: _Node, part: Component) -> None:
-        """Set the stiffness at which a node of a shaft is supported across its axis.
+        """Set the stiffness with which bearings support a node perpendicular to the shaft axis.
 
-        `part` is the component of the shaft. If all of its bearings are elastic, the stiffness is
-        the sum of those at the node, which may be 0; if one of them is rigid, it is infinite.
-        Without bearings it stays None (unknown).
+        `part` is the component of the shaft. If all its bearings are elastic, it is the sum of the
+        stiffnesses at the node, which may be 0; if one of them is rigid, it is infinite. Without
+        bearings it remains None.
         """
-        on_shaft = _bearings_of(part, self.box.bearings)
-        elastic = _bearings_of(part, self.bearings)
-        if elastic and len(elastic) == len(on_shaft):
-            at_node = [x for x in elastic if self.places[x.part.id, part.id] is node]
-            node.support = float(sum(bearing.stiffness for bearing in at_node))
-        elif on_shaft:
-            node.support = math.inf
+        all_bearings = _select_bearings(part, self.gearbox.bearings)
+        elastic_bearings = _select_bearings(part, self.elastic_bearings)
+        if elastic_bearings and len(elastic_bearings) == len(all_bearings):
+            node.support_stiffness = float(
+                sum(
+                    bearing.stiffness
+                    for bearing in elastic_bearings
+                    if self.attachment_nodes[bearing.part.id, part.id] is node
+                )
+            )
+        elif all_bearings:
+            node.support_stiffness = math.inf
 
-    def _gear_mass_and_inertia(self, gear: Component, shaft) -> tuple[float, float]:
+    def _compute_gear_inertia(self, gear: Component, shaft) -> tuple[float, float]:
         """Return the mass (kg) and moment of inertia (kg m^2) of a gear without its shaft.
 
-        An external gear is a cylinder of its reference diameter around the shaft, a ring gear a
-        ring from there to its outer diameter. `shaft` is the `gearlib.gearboxes.parts.Shaft` of the
-        gear.
+        An external gear is a cylinder with the reference diameter around the shaft, a ring gear a
+        ring from the reference diameter to the outer diameter. `shaft` is a
+        `gearlib.gearboxes.parts.Shaft`.
         """
         geometry = self.gears[gear.id]
         width, diameter = geometry.width, geometry.reference_diameter
-        # Integrals of the 2nd and 4th power of the diameter over the width of the gear.
+        # Integrals over the face width of outer^n - inner^n for n = 2 and n = 4.
         if geometry.internal:
             moments = [width * (geometry.outer_diameter**n - diameter**n) for n in (2, 4)]
         else:
-            face = self.box.face(gear)
-            # Where the shaft is thicker than the gear, nothing of the gear remains.
+            face = self.gearbox.face(gear)
+            # Where the shaft is thicker than the gear, the gear has no material.
             bore_moments = [
-                shaft.integral(lambda u, outer, inner: np.minimum(outer, diameter) ** 2, *face),
-                shaft.integral(lambda u, outer, inner: np.minimum(outer, diameter) ** 4, *face),
+                shaft.integrate(lambda u, outer, inner: np.minimum(outer, diameter) ** 2, *face),
+                shaft.integrate(lambda u, outer, inner: np.minimum(outer, diameter) ** 4, *face),
             ]
             moments = [width * diameter**2 - bore_moments[0], width * diameter**4 - bore_moments[1]]
         density = geometry.material.density
         return math.pi / 4.0 * density * moments[0], math.pi / 32.0 * density * moments[1]
 
     def _add_couplings(self) -> None:
-        """Join the nodes at both ends of each coupling, or hold a node coupled to the casing.
+        """Merge or connect the nodes at the ends of each coupling.
 
-        A rigid coupling joins two nodes to one body, an elastic one adds a spring. A coupling to
-        the casing gives the body a torsional stiffness, which is infinite if the coupling is rigid.
+        A rigid coupling merges its nodes, an elastic one adds a spring between them. A coupling to
+        the casing gives the node a torsional stiffness, which is infinite if the coupling is rigid.
         """
-        for coupling in self.box.couplings:
+        for coupling in self.gearbox.couplings:
             end_nodes = []
             for owner, _ in (coupling.inner, coupling.outer):
                 key = coupling.part.id, owner.id
-                end_nodes.append(self.places.get(key) or self.rigid_parts.get(owner.id))
-            is_rigid = coupling.stiffness is None or coupling.stiffness >= RIGID
+                end_nodes.append(self.attachment_nodes.get(key) or self.carrier_nodes.get(owner.id))
+            is_rigid = coupling.stiffness is None or coupling.stiffness >= RIGID_STIFFNESS
             owner_ids = coupling.inner[0].id, coupling.outer[0].id
             if None not in end_nodes:
                 if is_rigid:
-                    end_nodes[0].join(end_nodes[1])
+                    end_nodes[0].merge(end_nodes[1])
                 else:
                     self.springs.append((*end_nodes, coupling.stiffness, 0.0))
-            elif any(owner_id in self.box.rotors.casings for owner_id in owner_ids):
+            elif any(owner_id in self.gearbox.rotors.casings for owner_id in owner_ids):
                 for node in end_nodes:
                     if node is None:
                         continue
                     body = node.body()
                     body.torsional_stiffness += math.inf if is_rigid else coupling.stiffness
-                    # A rigid coupling to the casing also keeps the axis from moving.
-                    body.support = math.inf if is_rigid else body.support
+                    # A rigid coupling to the casing also fixes the axis.
+                    body.support_stiffness = math.inf if is_rigid else body.support_stiffness
 
-    def _pin_angles(self) -> dict[str, tuple]:
+    def _find_pin_angles(self) -> dict[str, tuple]:
         """Return a dict: rotor of a planet -> (stage, angle of its pin on the carrier in rad).
 
-        A rotor is a set of parts that turn together, here those on the shaft of the planet. The
-        angle is the direction from the central gear (sun or ring) to the planet.
+        The angle is that of the line from the central gear (sun or ring) to the planet.
         """
         pin_angles: dict[str, tuple] = {}
-        for stage in self.box.stages.values():
+        for stage in self.gearbox.stages.values():
             if stage.carrier:
-                planet = self.box.planet(stage)
-                angle = self.box.centre_line_angle(stage)
-                # The line of centres points from pinion to wheel. If the planet is the pinion, the
-                # direction from the central gear to the planet is the opposite one.
+                planet = self.gearbox.planet(stage)
+                angle = self.gearbox.centre_line_angle(stage)
+                # The line of centres points from pinion to wheel; if the planet is the pinion, it
+                # points to the central gear and is reversed.
                 angle += 0.0 if stage.wheel.id == planet.id else math.pi
-                rotor = self.box.rotors.rotor(self.box.shaft_of[planet.id].id)
+                rotor = self.gearbox.rotors.find_rotor(self.gearbox.shaft_of[planet.id].id)
                 pin_angles.setdefault(rotor, (stage, math.remainder(angle, math.tau)))
         return pin_angles
 
-    def _body(self, node: _Node, pin_angles: dict[str, tuple], structural_damping: float) -> Body:
-        """Return the `Body` of a gear train for a node that represents all nodes joined to it.
+    def _make_body(
+        self, node: _Node, pin_angles: dict[str, tuple], structural_damping: float
+    ) -> Body:
+        """Make the `Body` for a node and all nodes merged with it.
 
-        `pin_angles` maps the rotor of a planet to (stage, angle of its pin on the carrier in rad),
-        and `structural_damping` is the ratio of damping to stiffness in s. Raises ValueError if the
-        inertia is unknown.
+        `pin_angles` is the result of `_find_pin_angles`; `structural_damping` is the ratio of
+        damping to stiffness in s. Raise an `InputError` if the inertia is unknown.
         """
         gear, fields = node.gear, {}
-        rotor = self.box.rotors.rotor(node.shaft.id if node.shaft else node.parts[0].id)
+        rotor = self.gearbox.rotors.find_rotor(node.shaft.id if node.shaft else node.parts[0].id)
         if rotor in pin_angles:
             stage, fields["angle"] = pin_angles[rotor]
-            fields["carrier"] = self.rigid_parts[stage.carrier].body().name
+            fields["carrier"] = self.carrier_nodes[stage.carrier].body().name
         carriers = [part for part in node.parts if part.type == "planet_carrier"]
-        # A body that is neither a gear nor a carrier needs no radius, so that any number serves.
-        radius = self.box.pin_radius(carriers[0]) if carriers else 0.01
+        # The radius of a body that is neither a gear nor a carrier is not used.
+        radius = self.gearbox.pin_radius(carriers[0]) if carriers else 0.01
         if gear:
             radius = self.gears[gear.id].base_diameter / 2.0
             fields["teeth"] = self.gears[gear.id].teeth
         if carriers and not node.inertia:
-            node.mass, node.inertia = self.box.default_carrier(carriers[0])
+            node.mass, node.inertia = self.gearbox.default_carrier(carriers[0])
         if not node.inertia:
             problem = "are missing: they must be given for the inertia"
             raise InputError("shaft sections", problem=problem, owner=str(node.shaft))
-        support = math.inf if node.support is None else node.support
+        support = math.inf if node.support_stiffness is None else node.support_stiffness
         return Body(
             name=node.name,
             inertia=node.inertia,
@@ -383,23 +391,26 @@ class _Assembly:
             **fields,
         )
 
-    def bodies_and_shafts(self, structural_damping: float) -> tuple[list[Body], list[Shaft]]:
-        """Return the bodies of the gear train, and its shafts, the springs between bodies.
+    def make_bodies_and_shafts(self, structural_damping: float) -> tuple[list[Body], list[Shaft]]:
+        """Make the bodies of the gear train and its shafts, i.e. the springs between bodies.
 
         `structural_damping` is the ratio of damping to stiffness in s.
         """
-        pin_angles = self._pin_angles()
+        pin_angles = self._find_pin_angles()
         bodies = [
-            self._body(node, pin_angles, structural_damping)
+            self._make_body(node, pin_angles, structural_damping)
             for node in dict.fromkeys(node.body() for node in self.nodes)
         ]
         shafts = []
         for node_1, node_2, stiffness, bending_stiffness in self.springs:
             body_1, body_2 = node_1.body(), node_2.body()
             if body_1.name == body_2.name:
-                continue  # A rigid coupling has joined both ends.
-            # Bending has no effect between bodies that cannot move across their axes.
-            if body_1.support in (None, math.inf) and body_2.support in (None, math.inf):
+                continue  # A rigid coupling has merged both ends.
+            # Bending has no effect between bodies that are fixed perpendicular to their axes.
+            if body_1.support_stiffness in (None, math.inf) and body_2.support_stiffness in (
+                None,
+                math.inf,
+            ):
                 bending_stiffness = 0.0
             shafts.append(
                 Shaft(
@@ -413,13 +424,13 @@ class _Assembly:
         return bodies, shafts
 
 
-def _bearings_of(part: Component, bearings: list) -> list:
-    """Return those bearings whose inner or outer part is a shaft, given by its component."""
+def _select_bearings(part: Component, bearings: list) -> list:
+    """Return the bearings whose inner or outer part is the shaft with the component `part`."""
     return [x for x in bearings if part.id in (x.inner[0].id, x.outer[0].id)]
 
 
-def build(
-    box: "Gearbox",
+def build_train(
+    gearbox: "Gearbox",
     load_case: str | None,
     *,
     bearing_stiffness: float | None,
@@ -427,42 +438,42 @@ def build(
     reference: str | None,
     **mesh_options: Any,
 ) -> GearTrain:
-    """Return the gear train of a whole gearbox in a load case.
+    """Build the gear train of a gearbox in a load case; the arguments are those of `Gearbox.train`.
 
-    `bearing_stiffness` in N/m replaces the stated values unless it is None, `structural_damping` is
-    the ratio of damping to stiffness in s, and `reference` is the stage whose mesh sets the scales.
-    `mesh_options` describe damping and stiffness of the meshes, as in `Gearbox.train`.
+    `mesh_options` are its arguments for the damping and stiffness of the meshes. Raise ValueError
+    if torques are unknown or a stage cannot be computed.
     """
-    loads = box.loads(load_case)
-    if loads.missing is not None:
-        raise loads.missing
-    for name, reason in box.refused.items():
+    loads = gearbox.loads(load_case)
+    if loads.torque_error is not None:
+        raise loads.torque_error
+    for name, reason in gearbox.refused.items():
         raise ValueError(f"stage {name} is refused, and the train needs all stages: {reason}")
-    geometries = {name: box.stage(name, load_case) for name in box.stages}
+    geometries = {name: gearbox.stage(name, load_case) for name in gearbox.stages}
     gears = {}
-    for name, stage in box.stages.items():
+    for name, stage in gearbox.stages.items():
         gears |= {stage.pinion.id: geometries[name].pinion, stage.wheel.id: geometries[name].wheel}
-    assembly = _Assembly(box, load_case, bearing_stiffness, gears)
-    bodies, shafts = assembly.bodies_and_shafts(structural_damping)
-    meshes = _meshes(box, loads, geometries, mesh_options)
+    builder = _TrainBuilder(gearbox, load_case, bearing_stiffness, gears)
+    bodies, shafts = builder.make_bodies_and_shafts(structural_damping)
+    meshes = _make_meshes(gearbox, loads, geometries, mesh_options)
     carrier_speeds = {
-        loads.motion_of(box, stage.carrier) for stage in box.stages.values() if stage.carrier
+        loads.component_motion(gearbox, stage.carrier)
+        for stage in gearbox.stages.values()
+        if stage.carrier
     }
-    # A train with planets is described in the frame that turns with their carriers.
+    # A train with planets is described in a frame that rotates with the carriers.
     frame_speed = carrier_speeds.pop() if carrier_speeds else 0.0
-    if any(abs(other - frame_speed) > 1e-9 * abs(frame_speed) for other in carrier_speeds):
+    if any(abs(speed - frame_speed) > 1e-9 * abs(frame_speed) for speed in carrier_speeds):
         raise ValueError(
             "planetary stages whose carriers turn at different speeds are not allowed in a train; "
             "each stage by itself can be computed"
         )
     speeds_in_frame = {
-        name: loads.motion_of(box, box.shaft_of[stage.pinion.id].id) - frame_speed
-        for name, stage in box.stages.items()
+        name: loads.component_motion(gearbox, gearbox.shaft_of[stage.pinion.id].id) - frame_speed
+        for name, stage in gearbox.stages.items()
     }
-    # The speed of the reference pinion in this frame is the scale of all speeds, so that it must
-    # not be 0.
-    least_speed = 1e-9 * max(map(abs, speeds_in_frame.values()))
-    choices = [name for name, speed in speeds_in_frame.items() if abs(speed) > least_speed]
+    # Speeds are scaled by that of the reference pinion in this frame, which must not be zero.
+    min_speed = 1e-9 * max(map(abs, speeds_in_frame.values()))
+    choices = [name for name, speed in speeds_in_frame.items() if abs(speed) > min_speed]
     reference = checks.check_choice("reference", reference or choices[0], choices)
     return GearTrain(
         bodies=bodies,
@@ -473,35 +484,35 @@ def build(
     )
 
 
-def _meshes(box: "Gearbox", loads, geometries: dict, mesh_options: dict) -> list[Mesh]:
-    """Return the meshes of the stages of a gearbox under the torques of its `Loads`.
+def _make_meshes(gearbox: "Gearbox", loads, geometries: dict, mesh_options: dict) -> list[Mesh]:
+    """Make the meshes of all stages under the torques of the `Loads` of a gearbox.
 
-    `geometries` maps the name of a stage to its `GearStage`. `mesh_options` are the arguments of
+    `geometries` maps stage names to `GearStage` objects. `mesh_options` are the arguments of
     `GearStage.train_parameters` for damping and stiffness.
     """
-    # Half of each mesh force; the factor does not matter, as forces are only compared.
-    forces = {
+    # Torque over base diameter is half of the mesh force; only ratios of forces are needed.
+    half_forces = {
         name: abs(loads.pinion_torques[name]) / geometries[name].pinion.base_diameter
-        for name in box.stages
+        for name in gearbox.stages
     }
-    # Meshes without a load get a very small one, because the model needs a load above 0.
-    least_force = _LEAST_LOAD * max(forces.values())
-    # The equal meshes of a planetary stage have the same parameters, which are computed once.
+    # Meshes without load get a very small one, because the model requires a load > 0.
+    min_half_force = _MIN_RELATIVE_FORCE * max(half_forces.values())
+    # Equal meshes, e.g. of a planetary stage, have the same parameters, which are computed once.
     parameters: dict = {}
     meshes = []
-    for name, stage in box.stages.items():
+    for name, stage in gearbox.stages.items():
         geometry, torque = geometries[name], loads.pinion_torques[name]
-        magnitude = max(forces[name], least_force) * geometry.pinion.base_diameter
+        magnitude = max(half_forces[name], min_half_force) * geometry.pinion.base_diameter
         key = geometry, f"{magnitude:.10g}"
         if key not in parameters:
             parameters[key] = geometry.train_parameters(torque=magnitude, **mesh_options)
-        position, sign = box.centre_line_angle(stage), 1.0
+        position, sign = gearbox.centre_line_angle(stage), 1.0
         if stage.internal:
-            # The position of an internal mesh is the direction from the wheel to the pinion,
-            # and its direction of load is that of the wheel.
+            # The position of an internal mesh is the direction from the wheel to the pinion, and
+            # the torque on the wheel determines its direction of load.
             position, sign = position + math.pi, -1.0
         # A torque in the direction of rotation does positive work.
-        pinion_drives = torque * loads.motions[name] >= 0.0
+        pinion_drives = torque * loads.pinion_motions[name] >= 0.0
         meshes.append(
             Mesh(
                 name=name,

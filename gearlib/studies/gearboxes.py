@@ -45,9 +45,9 @@ def list_computations(file: str) -> tuple[list[tuple[str, str]], list[str], dict
     gearbox_cases = []
     reasons = dict(gearbox.refused)
     for case in gearbox.load_cases:
-        missing = gearbox.loads(case).missing
-        if missing is not None:
-            reasons[case] = str(missing)
+        torque_error = gearbox.loads(case).torque_error
+        if torque_error is not None:
+            reasons[case] = str(torque_error)
             continue
         listed: list = []  # (stage, torque) of this load case
         for name in gearbox.stages:

@@ -181,7 +181,7 @@ def test_unsupported_kinds_of_stages_are_refused_by_name(kind, tmp_path):
 def test_damaged_files_are_refused(content, tmp_path):
     path = tmp_path / "box.rexs"
     path.write_bytes(content)
-    with pytest.raises(ValueError, match="damaged or no REXS file"):
+    with pytest.raises(ValueError, match="damaged or not a REXS file"):
         gearlib.read_gearbox(path)
 
 
