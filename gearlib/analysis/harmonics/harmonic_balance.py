@@ -1,11 +1,11 @@
 """`harmonic_balance`: all harmonics of a periodic motion at once by Newton's method.
 
-Newton's method makes the harmonics of the residual of x'' + f(tau, x, x') = e zero. Forces are
-evaluated on a grid of phases (`gearlib.analysis.harmonics.equation`); the Jacobian matrix follows
-from the FFT of the derivatives of f by x and x', without finite differences.
+Newton's method finds the zero of the harmonics of the residual of x'' + f(tau, x, x') = e. Forces
+are evaluated on a grid of phases (`gearlib.analysis.harmonics.equation`). The Jacobian matrix
+follows from the FFT of the derivatives of f with respect to x and x', without finite differences.
+The stability is determined by Hill's method.
 
-Cameron, Griffin, J. Appl. Mech. 56 (1989) 149-154 (alternating frequency/time); the stability
-follows from Hill's method.
+Cameron, Griffin, J. Appl. Mech. 56 (1989) 149-154 (alternating frequency/time method).
 """
 
 from typing import Any
@@ -26,12 +26,12 @@ from gearlib.models.model import is_model
 from gearlib.parameters import Count, checked
 from gearlib.runs.run_arguments import Tuning
 
-#: Largest residual of a solution, relative to the load, or to the inertia force if it is larger.
+#: Largest residual of a solution, relative to the load or the inertia force, whichever is larger.
 _MAX_RESIDUAL = 1e-11
 _MAX_NEWTON_STEPS, _MAX_HALVINGS = 60, 12
-#: Damping coefficients added in turn, which continue a strongly damped motion to the actual one.
+#: Added damping coefficients of the continuation from a strongly damped motion to the actual one.
 _ADDED_DAMPINGS = (1.0, 0.3, 0.1, 0.03, 0.0)
-#: Harmonics and tolerance in this continuation: enough to distinguish contact states.
+#: Number of harmonics and tolerance in this continuation, enough to distinguish contact states.
 _GUESS_HARMONICS, _GUESS_TOLERANCE = 32, 1e-3
 
 
@@ -53,16 +53,16 @@ def harmonic_balance(
     tuning : float
         Ratio of mesh frequency to mean eigenfrequency, nu.
     harmonics : int, default 64
-        Highest harmonic, in units of 1 / period. With rectangular mesh stiffness x'' jumps:
-        coefficients decay with the third power of the harmonic, the error of x with the second
-        power of the highest one (Gibbs).
+        Highest harmonic, in units of 1 / period. With rectangular mesh stiffness x'' jumps, so that
+        coefficients decay with the third power of the harmonic, and the error of x decreases with
+        the second power of the highest harmonic (Gibbs phenomenon).
     samples : int, optional
-        Number of grid points over the period, more than 4 per harmonic. By default a power of two,
-        at least 16 per harmonic.
+        Number of grid points over the period, more than 4 per harmonic. By default a power of two
+        with at least 16 points per harmonic.
     guess : PeriodicSolution or array_like of float, optional
-        A neighbouring solution, with any number of harmonics, or displacements (static deflections)
-        at equal steps of phase over the period. By default the motion of a strongly damped mesh is
-        continued while the added damping is reduced.
+        A neighbouring solution with any number of harmonics, or displacements (in units of the
+        static deflection) at equal phase steps over the period. By default the motion of a strongly
+        damped mesh is continued while the added damping is reduced.
     period : int, default 1
         Number of mesh periods after which the motion repeats.
 
@@ -81,15 +81,15 @@ def harmonic_balance(
     coefficients = initial_coefficients(equation, guess)
     steps, evaluations = 0, 0
     for current_equation, tolerance in continuation_sequence(equation, guess, _MAX_RESIDUAL):
-        start = resize_harmonics(coefficients, current_equation)
-        solution = _newton(current_equation, start, tolerance)
+        guess_coefficients = resize_harmonics(coefficients, current_equation)
+        solution = _newton(current_equation, guess_coefficients, tolerance)
         coefficients, residual, new_steps, new_evaluations = solution
         steps, evaluations = steps + new_steps, evaluations + new_evaluations
     if not residual <= _max_residual(equation, coefficients, _MAX_RESIDUAL):
         raise NoOrbit(
             f"harmonic balance found no motion of period {equation.period} near the guess at tuning"
-            f" = {equation.tuning!r}, the best residual is {residual:.2g}: guess the solution of a "
-            "neighbouring tuning or the displacements of a run, or take another period"
+            f" = {equation.tuning!r}; the best residual is {residual:.2g}. As the guess, try the "
+            "solution at a neighbouring tuning or the displacements of a run, or try another period"
         )
     return PeriodicSolution(
         model,
@@ -106,13 +106,13 @@ def harmonic_balance(
 
 
 def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> tuple:
-    """Solve the mesh equation by damped Newton iteration from complex harmonics, shape (h + 1,).
+    """Solve the mesh equation by a damped Newton iteration.
 
-    `coefficients` are the harmonics of the first guess. A step is halved until the residual
-    decreases. The iteration ends if the largest residual, relative to the load, is below
-    `tolerance`, or if no step decreases it; the caller checks which. Return (harmonics of the last
-    iterate, its largest residual, number of steps, number of evaluations of the force at a grid
-    point).
+    `coefficients` are the complex harmonics of the initial guess, shape (h + 1,). Each step is
+    halved until the residual decreases. The iteration stops when the largest residual, relative to
+    the load, is below `tolerance`, or when no step decreases it; the caller must check which.
+    Return (harmonics of the last iterate, its largest residual, number of steps, number of force
+    evaluations at a grid point).
     """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
@@ -125,9 +125,9 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
         step = from_real_vector(step)
         steps += 1
         for _ in range(_MAX_HALVINGS):
-            new = coefficients + step
-            new_force = equation.force(new)
-            new_residual = equation.residual(new, new_force)
+            new_coefficients = coefficients + step
+            new_force = equation.force(new_coefficients)
+            new_residual = equation.residual(new_coefficients, new_force)
             new_norm = equation.max_residual(new_residual)
             evaluations += equation.samples
             if new_norm < norm:
@@ -136,15 +136,15 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
         else:
             # Not even the shortest step decreases the residual.
             break
-        coefficients, force, residual, norm = new, new_force, new_residual, new_norm
+        coefficients, force, residual, norm = new_coefficients, new_force, new_residual, new_norm
     return coefficients, norm, steps, evaluations
 
 
 def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> float:
-    """Return the residual, relative to the load, below which a motion counts as a solution.
+    """Return the residual, relative to the load, below which a motion is accepted as a solution.
 
     It is `tolerance` times the load or the inertia force, whichever is larger, because rounding
-    errors are relative to the largest term of the equation. `coefficients` are the complex
+    errors are proportional to the largest term of the equation. `coefficients` are the complex
     harmonics of the motion.
     """
     inertia = np.abs(equation.orders**2 * coefficients).sum() / equation.mean_stiffness
@@ -155,9 +155,9 @@ def create_equation(model: Any, tuning, harmonics, samples, period) -> MeshEquat
     """Check the arguments of `harmonic_balance` and return their `MeshEquation`.
 
     `tuning` is the ratio of mesh frequency to natural frequency, `harmonics` the highest harmonic,
-    `samples` the number of grid points over the period, or None for a default, and `period` the
-    number of mesh periods after which the motion repeats. Raise ValueError if the model has several
-    degrees of freedom, or if `harmonics` or `samples` is too small.
+    `samples` the number of grid points over the period or None for the default, and `period` the
+    number of mesh periods after which the motion repeats. Raise ValueError if the model has more
+    than one degree of freedom, or if `harmonics` or `samples` is too small.
     """
     if not (is_model(model) and model.has_pair_equation):
         raise checks.InputError(
@@ -171,11 +171,11 @@ def create_equation(model: Any, tuning, harmonics, samples, period) -> MeshEquat
 
 
 def continuation_sequence(equation: MeshEquation, guess: Any, tolerance: float) -> list:
-    """Return the mesh equations to be solved in turn, as a list of (equation, tolerance).
+    """Return the mesh equations to be solved in sequence, as a list of (equation, tolerance).
 
-    The solution of each is the initial guess for the next one. The given `equation` and `tolerance`
-    come last. If `guess` is None, equations with strong additional damping and fewer harmonics come
-    first, because they also converge from a poor guess. The damping then decreases to zero.
+    The solution of each equation is the initial guess for the next one, and the given `equation` is
+    the last one. If `guess` is None, it is preceded by equations with fewer harmonics and with
+    added damping that decreases to zero, because they converge from a poor guess.
     """
     if guess is not None:
         return [(equation, tolerance)]
@@ -189,18 +189,18 @@ def continuation_sequence(equation: MeshEquation, guess: Any, tolerance: float) 
 
 
 def initial_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
-    """Return the complex harmonics of the initial guess of an equation, shape (harmonics + 1,).
+    """Return the complex harmonics of the initial guess, shape (harmonics + 1,).
 
-    The guess is a `PeriodicSolution` of the same period, an array of displacements at equal steps
-    of phase over the period, or None for the static deflection. Raise ValueError for anything else.
+    The guess is a `PeriodicSolution` of the same period, an array of displacements at equal phase
+    steps over the period, or None for the static deflection. Raise ValueError for anything else.
     """
     if guess is None:
-        # The unit of displacement is the static deflection, so it is the mean 1.
+        # Displacements are in units of the static deflection, so the mean is 1.
         return resize_harmonics(np.ones(1, complex), equation)
     if isinstance(guess, PeriodicSolution):
         if guess.period != equation.period:
             raise ValueError(
-                f"guess with period = {guess.period} is not allowed: its period must be "
+                f"guess with period = {guess.period} is not allowed: the period must be "
                 f"{equation.period}"
             )
         return resize_harmonics(guess.coefficients, equation)
@@ -209,15 +209,12 @@ def initial_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
     is_valid = values.ndim == 1 and values.size >= 3 and np.isfinite(values).all()
     checks.require(is_valid, "guess", guess, allowed)
     coefficients = np.fft.rfft(values, norm="forward")
-    # The highest harmonic of an even number of points has no phase, so it is omitted.
+    # With an even number of points, the phase of the highest harmonic is unknown, so omit it.
     return resize_harmonics(coefficients[: (values.size + 1) // 2], equation)
 
 
 def resize_harmonics(coefficients: np.ndarray, equation: MeshEquation) -> np.ndarray:
-    """Return complex harmonics with as many entries as an equation has harmonics.
-
-    Harmonics above the highest one of the `equation` are omitted, missing ones are zero.
-    """
+    """Truncate complex harmonics to those of an equation, or extend them with zeros."""
     resized = np.zeros(equation.harmonics + 1, complex)
     count = min(coefficients.size, resized.size)
     resized[:count] = coefficients[:count]

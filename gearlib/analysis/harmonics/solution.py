@@ -4,11 +4,11 @@ Floquet multipliers are computed by Hill's method. Small perturbations obey
 y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0 (`MeshEquation.variational_coefficients`). With
 y = exp(l tau) sum_k y_k exp(i k tau / n), truncated at |k| <= K, this is a quadratic eigenvalue
 problem in l with 2 (2 K + 1) eigenvalues, of which two are accurate: every exponent l has aliases
-l + i k / n, with an error that grows with |k|. The two whose eigenvectors are most symmetric about
-k = 0 are chosen (Lazarus, Thomas, C. R. Mecanique 338 (2010) 510-517), provided that the product of
-their multipliers agrees with Liouville's formula: for a real negative multiplier an exponent and
-its conjugate are equally symmetric, and only the product distinguishes two multipliers from a
-double one.
+l + i k / n, with an error that grows with |k|. The two eigenvalues with the most symmetric
+eigenvectors about k = 0 are selected (Lazarus, Thomas, C. R. Mecanique 338 (2010) 510-517), such
+that the product of their multipliers agrees with Liouville's formula. This condition is needed for
+real negative multipliers: an exponent and its conjugate are then equally symmetric, and only the
+product distinguishes two multipliers from a double one.
 """
 
 from dataclasses import dataclass
@@ -27,17 +27,17 @@ from gearlib.runs.simulation import simulate
 
 #: Number of Newton steps that refine a flank crossing.
 _CROSSING_STEPS = 8
-#: Phases per mesh period at which time histories are compared: smallest number, and number per
-#: harmonic, which resolves the error next to a jump of the stiffness.
+#: Number of phases per mesh period at which time histories are compared: its minimum, and the
+#: number per harmonic, which resolves the error next to a stiffness jump.
 _MIN_PHASES, _PHASES_PER_HARMONIC = 512, 16
 #: Highest harmonic of the perturbations; the cost is proportional to its third power.
 _MAX_PERTURBATION_HARMONICS = 100
-#: Number of computed exponents, from which two are chosen.
+#: Number of computed exponents, from which two are selected.
 _EXPONENT_COUNT = 8
 #: Largest number of ARPACK restarts; without strong damping four are enough.
 _MAX_RESTARTS = 10
-#: Offset of the ARPACK shift from the mean exponent, where a double exponent would make the matrix
-#: singular.
+#: Offset of the ARPACK shift from the mean exponent, at which a double exponent would make the
+#: shifted matrix singular.
 _SHIFT_OFFSET = 1e-3 + 0.7e-3j
 
 
@@ -77,11 +77,10 @@ class PeriodicSolution:
         return np.array(self.at(0.0))
 
     def _one_sided_coefficients(self) -> tuple:
-        """Return one-sided Fourier coefficients of the displacement and of the velocity.
+        """Return the one-sided Fourier coefficients of displacement and velocity dx/dtau.
 
-        With the coefficients C_k, x = Re sum_k C_k exp(i k tau / period) over k >= 0; tau is the
-        mesh phase and the velocity is dx/dtau. Each of the two arrays has the shape (harmonics +
-        1,).
+        The coefficients C_k, shape (harmonics + 1,), are defined by
+        x = Re sum_k C_k exp(i k tau / period) over k >= 0 with the mesh phase tau.
         """
         displacement = np.where(self.orders == 0.0, 1.0, 2.0) * self.coefficients
         return displacement, 1j * self.orders * displacement
@@ -92,13 +91,12 @@ class PeriodicSolution:
         return tuple((waves @ factors).real for factors in self._one_sided_coefficients())
 
     def time_history(self, samples_per_period: int) -> tuple:
-        """Return (displacement, dx/dtau) at equal steps of phase over the period of the motion.
+        """Return (displacement, dx/dtau) at equal phase steps over the period of the motion.
 
-        tau is the mesh phase. `samples_per_period` is the number of steps in each mesh period; the
-        motion may repeat only after several of them.
+        tau is the mesh phase, and `samples_per_period` is the number of steps per mesh period.
         """
         points = samples_per_period * self.period
-        # The inverse FFT needs more than two points per harmonic; surplus points are dropped.
+        # The inverse FFT needs more than two points per harmonic; additional points are dropped.
         refinement = -(-(2 * self.harmonics + 1) // points)
         return tuple(
             np.fft.irfft(values, refinement * points, norm="forward")[::refinement]
@@ -108,40 +106,40 @@ class PeriodicSolution:
     def crossings(self) -> tuple[np.ndarray, np.ndarray]:
         """Find the phases at which contact of the flanks begins or ends.
 
-        These are crossings of the flank lines, the displacements 0 and minus the backlash, at which
-        the flanks touch. Return (sorted mesh phases in rad, shape (m,), contact states before and
-        after each crossing, shape (m, 2)); the codes are 1 for the drive side, 0 for no contact and
-        -1 for the coast side. Crossings are bracketed on a grid and refined by Newton's method; two
-        crossings within the same grid cell are not detected.
+        At these phases the displacement crosses 0 (drive flank) or minus the backlash (coast
+        flank). Return (sorted mesh phases in rad, shape (m,), contact states before and after each
+        crossing, shape (m, 2)). The states are 1 for drive-side contact, 0 for no contact and -1
+        for coast-side contact. Crossings are bracketed on a grid and refined by Newton's method;
+        two crossings within the same grid cell are not detected.
         """
         x, _ = self.time_history(-(-default_samples(self.harmonics) // self.period))
         length = 2.0 * np.pi * self.period
         crossings = []
         # Displacement of each flank, and contact states of a downward crossing.
         flank_positions = ((0.0, (1, 0)), (-self.model.backlash_ratio, (0, -1)))
-        for flank_position, downward_codes in flank_positions:
+        for flank_position, downward_states in flank_positions:
             # With infinite backlash there is no coast-side contact.
             if not np.isfinite(flank_position):
                 continue
             is_above = x >= flank_position
             for i in np.flatnonzero(is_above != np.roll(is_above, -1)):
                 before, after = x[i] - flank_position, x[(i + 1) % x.size] - flank_position
-                # Linear interpolation between the grid points is the first approximation.
+                # Linear interpolation between the grid points is the initial guess.
                 phase = (i + before / (before - after)) * length / x.size
                 for _ in range(_CROSSING_STEPS):
                     displacement, velocity = self.at(phase)
                     phase -= (displacement - flank_position) / velocity if velocity else 0.0
-                codes = downward_codes if is_above[i] else downward_codes[::-1]
-                crossings.append((float(phase) % length, codes))
+                states = downward_states if is_above[i] else downward_states[::-1]
+                crossings.append((float(phase) % length, states))
         crossings.sort()
-        all_codes = np.array([codes for _, codes in crossings], np.int8).reshape(-1, 2)
-        return np.array([phase for phase, _ in crossings]), all_codes
+        all_states = np.array([states for _, states in crossings], np.int8).reshape(-1, 2)
+        return np.array([phase for phase, _ in crossings]), all_states
 
     def dataset(self, samples_per_period: int = 256, orbit: Any = None) -> xr.Dataset:
         """Return time history, harmonics, multipliers and stability of the motion as a dataset.
 
-        The time history has `samples_per_period` points in each mesh period. If an exact `orbit` of
-        `gearlib.periodic_orbit` is given, the errors relative to this orbit are added.
+        The time history has `samples_per_period` points per mesh period. If an exact `orbit` of
+        `gearlib.periodic_orbit` is given, the differences from this orbit are added.
         """
         x, v = self.time_history(samples_per_period)
         contact = [
@@ -181,14 +179,14 @@ class PeriodicSolution:
         )
 
     def _method_variables(self) -> dict:
-        """Return additional dataset variables of the method: none unless a subclass has any."""
+        """Return the dataset variables specific to the method; a subclass may have some."""
         return {}
 
 
 class SolutionErrors(NamedTuple):
     """Largest differences between a periodic solution and the exact orbit."""
 
-    displacement: float  #: over the period, static deflections
+    displacement: float  #: difference of x over the period, in units of the static deflection
     velocity: float  #: difference of dx/dtau over the period
     state: float  #: difference at tau = 0, the larger of displacement and dx/dtau
     event: float  #: difference of phases of flank crossings, rad; NaN without the same crossings
@@ -196,10 +194,10 @@ class SolutionErrors(NamedTuple):
 
 
 def compare_with_orbit(solution: PeriodicSolution, orbit: Any = None) -> SolutionErrors:
-    """Return the largest differences of a `PeriodicSolution` from an exact periodic `orbit`.
+    """Return the largest differences between a `PeriodicSolution` and an exact periodic `orbit`.
 
-    They are those of displacement, velocity, initial state, phases of contact events, and Floquet
-    multipliers. If `orbit` is None, it is computed by shooting from the state of the solution.
+    Displacement, velocity, initial state, phases of contact events and Floquet multipliers are
+    compared. If `orbit` is None, it is computed by shooting from the state of the solution.
     """
     if orbit is None:
         orbit = periodic_orbit(
@@ -207,12 +205,12 @@ def compare_with_orbit(solution: PeriodicSolution, orbit: Any = None) -> Solutio
         )
     phases_per_period = _PHASES_PER_HARMONIC * solution.harmonics // solution.period
     samples_per_period = max(_MIN_PHASES, phases_per_period)
-    exact_x, exact_v, exact_phases, exact_codes = simulate_orbit(orbit, samples_per_period)
+    exact_x, exact_v, exact_phases, exact_states = simulate_orbit(orbit, samples_per_period)
     x, v = solution.time_history(samples_per_period)
-    phases, codes = solution.crossings()
-    # Phases can only be compared if the same events occur in the same order.
+    phases, states = solution.crossings()
+    # Event phases can be compared only if the same events occur in the same order.
     event_error = np.nan
-    if phases.size and np.array_equal(codes, exact_codes):
+    if phases.size and np.array_equal(states, exact_states):
         event_error = float(np.abs(phases - exact_phases).max())
     exact_multiplier = np.abs(orbit.multipliers).max()
     return SolutionErrors(
@@ -227,10 +225,10 @@ def compare_with_orbit(solution: PeriodicSolution, orbit: Any = None) -> Solutio
 def simulate_orbit(orbit: Any, samples_per_period: int) -> tuple:
     """Return (displacement, dx/dtau, phases of contact events, contact states) of an exact `Orbit`.
 
-    `orbit` is a result of shooting, with its initial state. Displacements and velocities cover its
-    period with `samples_per_period` points in each mesh period; phases are mesh phases tau in rad.
-    The contact states (1 drive side, 0 none, -1 coast side) before and after each event have the
-    shape (events, 2).
+    The displacement and the velocity are sampled over the period of the orbit at
+    `samples_per_period` points per mesh period. Event phases are mesh phases tau in rad. The
+    contact states (1 drive side, 0 none, -1 coast side) before and after each event have the shape
+    (events, 2).
     """
     run = simulate(
         orbit.model,
@@ -240,28 +238,28 @@ def simulate_orbit(orbit: Any, samples_per_period: int) -> tuple:
         samples_per_period=samples_per_period,
         initial_state=tuple(orbit.state),
     )
-    codes = np.column_stack([run.event_from.values, run.event_to.values])
-    return run.displacement.values, run.velocity.values, run.event_phase.values, codes
+    contact_states = np.column_stack([run.event_from.values, run.event_to.values])
+    return run.displacement.values, run.velocity.values, run.event_phase.values, contact_states
 
 
 def hill_multipliers(equation: MeshEquation, coefficients: np.ndarray) -> np.ndarray:
     """Return the two Floquet multipliers of a motion by Hill's method, largest modulus first.
 
-    `coefficients` are the complex harmonics of the motion, shape (h + 1,), and `equation` is the
-    mesh equation that it solves. Small perturbations y obey y'' + a y' + (h y)' + b y = 0 with
-    periodic a, h and b. With y = exp(l phase) times a Fourier series this is an eigenvalue problem
-    for the exponents l; the multipliers are exp(l times the period).
+    `coefficients` are the complex harmonics of the motion, shape (h + 1,), and `equation` is its
+    mesh equation. Small perturbations y obey y'' + a y' + (h y)' + b y = 0 with periodic a, h and
+    b. With y = exp(l phase) times a Fourier series, this is an eigenvalue problem for the exponents
+    l. The multipliers are exp(l * period of the motion).
     """
     max_harmonic = min(equation.harmonics, _MAX_PERTURBATION_HARMONICS)
     k = np.arange(-max_harmonic, max_harmonic + 1)
-    # Matrices by which the harmonics -K ... K of y become the harmonics of a y, h y and b y.
+    # These matrices map the harmonics -K ... K of y to the harmonics of a y, h y and b y.
     functions = equation.variational_coefficients(coefficients)
     a, h, b = (np.fft.fft(values, norm="forward")[k[:, None] - k] for values in functions)
     # With u = (l + i k) y + h y the problem is linear in l for (y, u).
     derivative = np.diag(1j * k / equation.period)
     matrix = np.block([[-derivative - h, np.eye(k.size)], [a @ h - b, -derivative - a]])
-    # By Liouville's formula the mean of the two exponents is minus half the mean damping. Their
-    # aliases, which differ by i k / period, are farther away.
+    # By Liouville's formula the mean of the two exponents is minus half the mean damping, from
+    # which their aliases are farther away.
     mean_damping = np.mean(functions[0] + functions[1])
     # The start vector favours the low harmonics, which dominate the two true eigenvectors.
     start = np.exp(-np.abs(np.tile(k, 2))).astype(complex)
@@ -270,15 +268,16 @@ def hill_multipliers(equation: MeshEquation, coefficients: np.ndarray) -> np.nda
     try:
         exponents, vectors = eigs(matrix, count, sigma=shift, v0=start, maxiter=_MAX_RESTARTS)
     except ArpackNoConvergence:
-        # Strongly damped exponents and their aliases are almost equally far from the shift.
+        # ARPACK may fail with strong damping, because exponents and aliases are equally far from
+        # the shift.
         exponents, vectors = np.linalg.eig(matrix)
-    # An alias has its harmonics shifted by k, so the most symmetric spectra belong to no alias.
+    # The harmonics of an alias are shifted by k, so the most symmetric spectra are not aliases.
     power = np.abs(vectors[: k.size]) ** 2
     asymmetry = np.abs(k @ power) / power.sum(axis=0)
     length = 2.0 * np.pi * equation.period
     candidates = np.exp(length * exponents[np.argsort(asymmetry, kind="stable")])
-    best, other_multipliers = candidates[0], candidates[1:]
+    first_multiplier, other_multipliers = candidates[0], candidates[1:]
     liouville_product = np.exp(-length * mean_damping)
-    differences = np.abs(best * other_multipliers - liouville_product)
-    multipliers = np.array([best, other_multipliers[int(np.argmin(differences))]])
+    differences = np.abs(first_multiplier * other_multipliers - liouville_product)
+    multipliers = np.array([first_multiplier, other_multipliers[int(np.argmin(differences))]])
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
