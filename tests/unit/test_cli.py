@@ -20,7 +20,7 @@ from gearlib.data import gathering, storage
 from gearlib.units import WRITTEN_UNITS
 from tests.geometry import stages
 from tests.paper import CONFIG, PAPER_PAIR
-from tests.unit.test_gear_names import relieved
+from tests.unit.test_gear_names import config_with_tip_relief
 
 PAIR_OPTIONS = (
     "--max-stiffness '4e5 N/mm' --stiffness-ratio 0.5879 --contact-ratio 1.569 "
@@ -132,7 +132,7 @@ def test_a_left_hand_helix_is_a_negative_angle(run_command):
 
 def test_gears_are_described_by_the_properties_their_model_uses(run_command):
     """The printed description must state that a rectangular stiffness omits the tip relief."""
-    write_yaml("relieved.yaml", relieved())
+    write_yaml("relieved.yaml", config_with_tip_relief())
     line = "simulate --config relieved.yaml --speed 4000rpm"
     rectangle = "tip relief left out; rectangle, kappa 0.5714, epsilon 1.689, ISO 6336-1"
     assert rectangle in " ".join(run_command(f"{line} --model rectangle").split())
@@ -262,7 +262,7 @@ campbell PAIR_OPTIONS | train is missing
 scatter PAIR_OPTIONS -t load | must have distinct keys, as in 'load std=5%'
 scatter PAIR_OPTIONS -t 'load std=1% std=2%' | must have distinct keys
 scatter PAIR_OPTIONS -t 'load stdd=5%' | must only have the keys mean, std
-scatter GEOMETRY_OPTIONS --thickness-class '1 2 3' | --thickness-class = '1 2 3' is not allowed: it must
+scatter GEOMETRY_OPTIONS --thickness-class '1 2 3' | --thickness-class = '1 2 3' is not allowed
 scatter PAIR_OPTIONS -t 'torque std=5%' | need gears given by geometry
 scatter PAIR_OPTIONS --distance-class js7 | need gears given by geometry
 scatter GEOMETRY_OPTIONS | --tolerance is missing

@@ -7,7 +7,7 @@ import shutil
 import pytest
 import yaml
 
-from tests.unit.test_gear_names import OWN
+from tests.unit.test_gear_names import GEOMETRY_CONFIG
 from tests.workflow.project import ROOT, Project, rules_in, small_project
 
 pytestmark = pytest.mark.slow
@@ -192,7 +192,7 @@ def test_a_wrong_configuration_is_refused_in_one_sentence(project):
     gamma = "parameters: [{parameter: load, distribution: gamma, shape: {b: 2.0}}]"
     message = refusal("--config", f"tolerances={{{gamma}}}")
     assert message.startswith("tolerances.parameters[0]")
-    (project / "mine.yaml").write_text(yaml.safe_dump(OWN), encoding="utf-8")
+    (project / "mine.yaml").write_text(yaml.safe_dump(GEOMETRY_CONFIG), encoding="utf-8")
     assert refusal("reducer", "--configfile", "mine.yaml").startswith("reducer.teeth is missing")
     assert "No rule to produce resonace" in project.snakemake("-n", "resonace", succeed=False)
     (project / "config.yaml").write_text("run: [1\n", encoding="utf-8")

@@ -8,7 +8,12 @@ from gearlib.config.configuration import TARGETS
 from gearlib.config.targets import TRAIN_TARGETS
 from gearlib.models.from_values import build_models
 from gearlib.studies import gear_table
-from tests.unit.test_gear_names import NAME, OWN, PLANETS, relieved
+from tests.unit.test_gear_names import (
+    GEOMETRY_CONFIG,
+    PAIR_NAME,
+    PLANETARY_SET_CONFIG,
+    config_with_tip_relief,
+)
 from tests.workflow.declared import declared
 from tests.workflow.project import project_copy
 
@@ -45,21 +50,21 @@ def test_each_target_has_a_rule_and_each_figure_and_table_a_caption(paper):
 
 def test_gears_of_the_user_reach_the_studies_of_gear_geometry(project, paper):
     """Parameters and captions of the studies must contain the gears of the user."""
-    quality = {"pinion": {**OWN["gears"]["pinion"], "quality": 6}}
+    quality = {"pinion": {**GEOMETRY_CONFIG["gears"]["pinion"], "quality": 6}}
     quality["wheel"] = {"teeth": 61, "quality": 6}
-    user_rules = rules_of(project, OWN | {"gears": OWN["gears"] | quality})
+    user_rules = rules_of(project, GEOMETRY_CONFIG | {"gears": GEOMETRY_CONFIG["gears"] | quality})
     for name in ("mesh_stiffness", "harris_map", "dynamic_factor"):
         computation = repr(user_rules.rules[f"compute_{name}"]["params"])
         assert "'teeth': 23" in computation and "'torque': 85.0" in computation
         assert "'teeth': 16" not in computation
-        assert NAME in repr(user_rules.rules[f"draw_{name}"]["params"])
+        assert PAIR_NAME in repr(user_rules.rules[f"draw_{name}"]["params"])
         # The default configuration uses FZG gears of type C in these studies.
         assert "'teeth': 16" in repr(paper.rules[f"compute_{name}"]["params"])
         assert "FZG type C" in paper.rules[f"draw_{name}"]["params"]["gears"]
 
 
 def test_the_report_on_gears_of_a_user_has_their_table_and_no_paper_figures(project):
-    user_rules = rules_of(project, OWN)
+    user_rules = rules_of(project, GEOMETRY_CONFIG)
     table = user_rules.rules["gears_table"]
     rows = [row[:3] for row in gear_table.table_rows(**build_models(table["params"]["settings"]))]
     assert ["teeth", "wheel", "61"] in rows and ["damping_ratio", "light", "0.03"] in rows
@@ -70,7 +75,7 @@ def test_the_report_on_gears_of_a_user_has_their_table_and_no_paper_figures(proj
 
 def test_a_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
     damped = {"train": {"planetary_set": {"damping_ratio": 0.03}}}
-    user_rules = rules_of(project, overlay(PLANETS, damped))
+    user_rules = rules_of(project, overlay(PLANETARY_SET_CONFIG, damped))
     for name in TRAIN_TARGETS:
         assert (
             user_rules.rules[f"draw_{name}"]["params"]["gears"]
@@ -84,7 +89,7 @@ def test_a_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
 
 def test_captions_of_gears_with_relief_name_the_limits_of_the_model(project):
     errors = {"gears": {"pinion": {"pitch_errors": ["1 um"] * 23}}}
-    user_rules = rules_of(project, overlay(relieved(), errors))
+    user_rules = rules_of(project, overlay(config_with_tip_relief(), errors))
     assert "pitch errors of the gears are left out" in user_rules.caption("harris_map")
     for name in ("fig3_resonance", "run_ups"):
         assert "pairs of teeth, energy method" in user_rules.caption(name)
