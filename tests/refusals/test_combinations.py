@@ -25,7 +25,7 @@ from tests.paper import CONFIG, PAPER_PAIR
 from tests.properties import known_models
 from tests.properties.known_models import DAMPED
 from tests.sentences import assert_sentence
-from tests.unit.test_gears_section import FZG
+from tests.unit.test_gears_section import FZG_CONFIG
 from tests.unit.test_train_section import OWN, SET
 
 ROWS = yaml.safe_load(Path(__file__).with_name("combinations.yaml").read_text(encoding="utf-8"))
@@ -34,11 +34,11 @@ Z20_20 = {"pinion": TWENTY["pinion"], "wheel": {"teeth": 20}, "torque": 500.0}
 TRIALS = [{"name": name, "method": "rk4"} for name in ("rk4-64", "rk4-200")]
 FILES = {
     "paper": CONFIG
-    | {"mesh_stiffness": {"pairs": {"z20-20": Z20_20, "FZG-C": FZG["gears"]}}}
-    | {"harris_map": {"gears": FZG["gears"]}, "failures": {"trials": TRIALS}}
+    | {"mesh_stiffness": {"pairs": {"z20-20": Z20_20, "FZG-C": FZG_CONFIG["gears"]}}}
+    | {"harris_map": {"gears": FZG_CONFIG["gears"]}, "failures": {"trials": TRIALS}}
     | {"labels": {"start": 0.5, "stop": 1.4, "step": 0.01}},
-    "fzg": FZG,
-    "twenty": FZG | {"gears": TWENTY | {"torque": 100.0}},
+    "fzg": FZG_CONFIG,
+    "twenty": FZG_CONFIG | {"gears": TWENTY | {"torque": 100.0}},
     "planetary_set": CONFIG | {"train": {"kind": "planetary_set", "planetary_set": SET}},
     "own": CONFIG | {"train": {"kind": "own", "own": OWN}},
 }
