@@ -37,7 +37,7 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     own_stiffness_ratio is minimum over maximum stiffness by a method, and method_uncertainty the
     relative uncertainty of the method.
     """
-    meshes = {name: geometry.stage(gears) for name, gears in pairs.items()}
+    meshes = {name: geometry.build_stage(gears) for name, gears in pairs.items()}
     phases = {
         name: _stiffness_sample_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()
     }
@@ -131,7 +131,9 @@ def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int)
     """
     torque = gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}
-    stage = geometry.stage(gears | {name: gears[name] | {"pitch_errors": ()} for name in _GEARS})
+    stage = geometry.build_stage(
+        gears | {name: gears[name] | {"pitch_errors": ()} for name in _GEARS}
+    )
     meshes = {"none": stage.with_reliefs(None, None), "own": stage}
     if meshes["none"] == stage:
         del meshes["own"]

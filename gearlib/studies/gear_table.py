@@ -172,7 +172,7 @@ def table_rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]
     models = {name: (pair,) for name, pair in pairs.items()}
     if gears:
         options = {gears.get("stiffness", "iso"): gears.get("stiffness_options")}
-        mesh = geometry.stage(gears)
+        mesh = geometry.build_stage(gears)
         quantities = gear_quantities(mesh, options=options, torque=gears["torque"])
     else:
         any_pair = next(iter(models.values()))

@@ -137,12 +137,12 @@ def compute_jump_and_shifts(
 ) -> xr.Dataset:
     """Compute the tuning at which the motion from rest jumps, and how variations shift it.
 
-    The tuning is mesh frequency over natural frequency. `run` has arguments of `gearlib.sweep`. `settings`
-    has the keys of `iterate_variations`, tolerances (of Runge-Kutta steps 4(5)), resolution (of the
-    jump), and starts, seed and spread of the random initial states for each tolerance. In the
-    dataset, height is the peak-to-peak displacement, switches the number of large height steps in
-    the scan, and settled is 0 where the jump depends on the initial state, so that median and range
-    over several states are given. Values are NaN without a jump in the scan.
+    The tuning is mesh frequency over natural frequency. `run` has arguments of `gearlib.sweep`.
+    `settings` has the keys of `iterate_variations`, tolerances (of Runge-Kutta steps 4(5)),
+    resolution (of the jump), and starts, seed and spread of the random initial states for each
+    tolerance. In the dataset, height is the peak-to-peak displacement, switches the number of large
+    height steps in the scan, and settled is 0 where the jump depends on the initial state, so that
+    median and range over several states are given. Values are NaN without a jump in the scan.
     """
     tunings = np.asarray(tunings, float)
     resolution = settings["resolution"]

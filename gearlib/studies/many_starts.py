@@ -27,8 +27,9 @@ from gearlib.runs.sweeping import DIRECTIONS
 
 #: Attributes of the variable settled.
 SETTLED_FLAGS = status.flag_attributes(("unsettled", "all_starts_on_one_stable_orbit"))
-#: Whether all starts end on one orbit, fraction of starts that end on stable orbits, number of these
-#: orbits, fraction of starts on the most frequent one, and period of the common orbit (0: none).
+#: Whether all starts end on one orbit, fraction of starts that end on stable orbits, number of
+#: these orbits, fraction of starts on the most frequent one, and period of the common orbit (0:
+#: none).
 DISTRIBUTION_VARIABLES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
 SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")
 #: Perturbation in static deflections, larger than rounding errors but not measurable.
@@ -254,8 +255,10 @@ def find_motions_from_equilibrium(
 ) -> list[FinalMotion]:
     """Find the motions from random states around static equilibrium at each tuning.
 
-    The tuning is mesh frequency over natural frequency. `settings` has the keys `SETTINGS`, which
-    the docstring of this module describes.
+    The tuning is mesh frequency over natural frequency. `settings` has the keys starts (number of
+    random states), first_starts (if these settle on one orbit, the others are not run), seed,
+    spread (largest random displacement), periods and record_periods (numbers of computed and of
+    evaluated mesh periods).
     """
     states = random_initial_states(model, "static", settings)
 
@@ -272,7 +275,7 @@ def find_warm_started_motions(model, tunings, settings: dict, direction: str) ->
 
     The tuning is mesh frequency over natural frequency. Each run starts near the end of the
     previous run or, if that run has not settled on an orbit, near static equilibrium. `settings`
-    has the keys `SETTINGS`, of which starts is not used.
+    has the keys of `find_motions_from_equilibrium`; starts is not used.
     """
     start = random_initial_states(model, "static", settings | {"starts": 1})
     # The same random displacement is added to the initial state of each run.
@@ -335,13 +338,12 @@ def sweep_random_starts(
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
     """Compute a sweep with medians, ranges and fractions over random initial states.
 
-    `tunings` are mesh frequencies over the natural frequency; `names` are variables of
-    `gearlib.sweep`. In the direction "cold" the initial states are random states around static
-    equilibrium. The directions "up" and "down" have a single one, the end of the previous motion,
-    and NaN where the motion does not settle. `settings` has the keys of `SETTINGS`: number, seed
-    and spread of the states, and numbers of mesh periods. Return the sweep over direction, tuning
-    and mesh, and the data of every initial state, one result of `build_motion_dataset` per
-    direction.
+    `tunings` are mesh frequencies over the natural frequency, and `names` are variables of
+    `gearlib.sweep`. In the direction "cold" the runs start from random states around static
+    equilibrium. In the directions "up" and "down" a single run starts from the end of the previous
+    one, and values are NaN where the motion does not settle. `settings` has the keys of
+    `find_motions_from_equilibrium`. Return the sweep over direction, tuning and mesh, and a list
+    with one result of `build_motion_dataset` per direction, which has the data of all states.
     """
     motions_by_direction = []
     directions = []

@@ -1,4 +1,4 @@
-"""Compare measured data with a model: sweeps, time histories and mesh orders of run-ups."""
+"""Compare measured sweeps, time histories and run-ups with computed ones."""
 
 import math
 import warnings
@@ -19,26 +19,26 @@ from gearlib.runs.simulation import simulate
 from gearlib.uncertainty.course_observations import complete_blocks
 from gearlib.uncertainty.measured import read_measured
 
-#: Observable of a sweep -> variable of the computed sweeps that scales it to SI units.
+#: Observable of a sweep -> variable of the computed sweeps with its scale in SI units.
 SWEEP_SCALES = {
     **{column.name: column.scale for column in COLUMNS if not column.trains_only},
     "orbit_height": "static_deflection",
 }
-#: Observables from which jumps and peaks are read: the first one that was measured.
+#: Observables in which jumps and peaks are searched, in order of preference.
 _JUMP_OBSERVABLES = ("orbit_height", "displacement_max", "dynamic_force_max", "displacement_min")
-#: Direction code in a measured file -> direction of the computed sweep.
+#: Direction code in a measured data set -> direction of the computed sweep.
 _DIRECTIONS = {0: "cold", 1: "up", -1: "down"}
-#: Largest number of intervals of the envelope of a run-up, and least number of samples of each.
+#: Maximum number of intervals of the envelope of a run-up, and minimum number of samples in each.
 _MAX_INTERVALS, _MIN_INTERVAL_SAMPLES = 400, 20
-#: Number of harmonics of a time history, and numbers of measured and computed points in its plot.
+#: Number of harmonics of a time history; numbers of measured and computed points in its plot.
 _HARMONIC_COUNT, _MEASURED_POINTS, _COMPUTED_POINTS = 5, 600, 256
-#: Smallest relative singular value at which the samples determine all harmonics.
+#: Minimum relative singular value for which the samples determine all harmonics.
 _MIN_SINGULAR_VALUE = 1e-7
-#: Multiples of the mesh order; largest number of blocks of revolutions; samples per mesh period.
+#: Multiples of the mesh order; maximum number of blocks of revolutions; samples per mesh period.
 _MESH_ORDERS, _MAX_BLOCKS, _SAMPLES_PER_PERIOD = np.arange(1, 4), 300, 128
-#: Largest number of straight lines that approximate a measured speed course.
+#: Maximum number of straight segments that approximate a measured speed course.
 _MAX_SPEED_SEGMENTS = 200
-#: Smallest ratio of a jump to the range of values, and to all other steps.
+#: Minimum ratio of a jump to the range of values and to the largest other step.
 _MIN_JUMP_RANGE_RATIO, _MIN_JUMP_STEP_RATIO = 0.15, 2.0
 #: An unknown value and its standard deviation.
 _UNKNOWN = (math.nan, math.nan)
@@ -58,17 +58,17 @@ class Comparison(NamedTuple):
 
 
 def read_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
-    """Read a measured data set as a curve over speed and tuning, in the units of the model.
+    """Read a measured data set as a response curve over speed, in dimensionless model units.
 
-    The tuning is mesh frequency over natural frequency. `path` is the YAML file of the data set;
-    `resonance` has the computed sweeps for all damping combinations. A run-up is replaced by its
-    envelope. The attribute tuning_rate is the tuning per speed (rpm). The attributes
-    ``fitted_gain`` and ``fitted_offset`` of an observable are fitted to the sweeps with the damping
-    that describes the data best; the value without sensor errors is (value - offset) / gain.
+    `path` is the YAML file of the data set, and `resonance` has the computed sweeps for all damping
+    combinations. A run-up is replaced by its envelope. The tuning is mesh frequency over natural
+    frequency; the attribute tuning_rate is the tuning per rpm. The attributes fitted_gain and
+    fitted_offset of an observable result from a fit to the sweep that describes the data best; the
+    value without sensor errors is (value - offset) / gain.
     """
     measurement = read_measured(path)
     resonance = _add_orbit_height(resonance)
-    # A sweep has extrema or other summaries at each speed, a run-up only a time history.
+    # A measured sweep has summaries such as extrema; a measured run-up has a time history.
     is_sweep = not set(SWEEP_SCALES).isdisjoint(measurement.data_vars)
     sweep = measurement if is_sweep else _compute_envelope(measurement)
     tuning_rate = float(resonance.tuning[-1] / resonance.speed[-1])
@@ -94,11 +94,11 @@ def read_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
 
 
 def _compute_envelope(measurement: xr.Dataset) -> xr.Dataset:
-    """Return the extrema of displacement and force in short intervals of a run-up, over speed.
+    """Compute the extrema of displacement and force in short intervals of a run-up.
 
-    `measurement` has samples over time and speed. The direction of an interval is 1 if the speed
-    rises and -1 if it falls. The dataset is empty without time or speed, or if the speed is
-    constant.
+    `measurement` has samples over time and speed. The result has the mean speed of each interval
+    and its direction, 1 if the speed rises and -1 if it falls. It is empty if time or speed is
+    missing or if the speed is constant.
     """
     if not {"time", "speed"} <= set(measurement.coords):
         return xr.Dataset()
@@ -125,20 +125,20 @@ def _compute_envelope(measurement: xr.Dataset) -> xr.Dataset:
 def _fit_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset) -> dict:
     """Fit gain and offset of a sensor to the computed sweep that describes the data best.
 
-    `measured` is a measured curve with the variable `observable`; `resonance` has the computed
-    sweeps of all damping combinations. Return the attributes fitted_gain and fitted_offset. They
-    are 1 and 0 unless the measured set marks gain or offset as unknown.
+    `measured` is a response curve with the variable `observable`; `resonance` has the computed
+    sweeps for all damping combinations. Return a dict with fitted_gain and fitted_offset, which are
+    1 and 0 unless the data set marks gain or offset as unknown.
     """
     values, attrs = measured[observable].values, measured[observable].attrs
     fit_gain = bool(attrs.get("unknown_gain"))
     fit_offset = bool(attrs.get("unknown_offset"))
     dampings = resonance.damping.values if fit_gain or fit_offset else ()
-    # (mean square, gain, offset); the first entry is the result if nothing is fitted.
+    # Tuples (mean square error, gain, offset); the first one is the default.
     fits = [(math.inf, 1.0, 0.0)]
     for damping in dampings:
         computed = _interpolate_sweeps(measured, resonance.sel(damping=damping), observable)
         gain, offset = _fit_line(computed, values, fit_gain, fit_offset)
-        if gain > 0.0:  # false for NaN, if there are too few samples
+        if gain > 0.0:  # false if gain is NaN because of too few samples
             mean_square = np.nanmean((gain * computed + offset - values) ** 2)
             fits.append((mean_square, gain, offset))
     _, gain, offset = min(fits)
@@ -146,10 +146,10 @@ def _fit_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset) ->
 
 
 def _fit_line(computed, measured, fit_gain: bool = True, fit_offset: bool = True) -> tuple:
-    """Return gain and offset of the least-squares line measured = gain * computed + offset.
+    """Fit gain and offset of measured = gain * computed + offset by least squares.
 
-    `computed` and `measured` have shape (n,). A gain that is not fitted is 1, an offset that is not
-    fitted is 0. Both are NaN if fewer than four samples are finite.
+    `computed` and `measured` have the shape (n,). If a parameter is not fitted, the gain is 1 and
+    the offset is 0. Both are NaN if fewer than four samples are finite.
     """
     finite = np.isfinite(measured) & np.isfinite(computed)
     measured, computed = measured[finite], computed[finite]
@@ -168,12 +168,10 @@ def _fit_line(computed, measured, fit_gain: bool = True, fit_offset: bool = True
 
 
 def _interpolate_sweeps(measured, sweeps, observable: str) -> np.ndarray:
-    """Return computed values of an observable at the speeds and directions of measured samples.
+    """Interpolate computed values of an observable at the speeds and directions of the samples.
 
-    `measured` is a measured curve, `sweeps` are the computed sweeps with one damping combination.
-    `_DIRECTIONS` maps the measured codes 0, 1, -1 to the sweeps "cold" (equal initial states), "up"
-    and "down". Values are NaN outside the computed speeds, and for directions that were not
-    computed.
+    `measured` is a response curve; `sweeps` are the computed sweeps with one damping combination.
+    Values are NaN outside the computed range of speeds and for directions that were not computed.
     """
     values = np.full(measured.sizes["sample"], np.nan)
     for code, direction in _DIRECTIONS.items():
@@ -186,18 +184,18 @@ def _interpolate_sweeps(measured, sweeps, observable: str) -> np.ndarray:
 
 
 def _add_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
-    """Return computed sweeps with the additional variable orbit_height."""
+    """Return computed sweeps with the additional variable orbit_height (maximum - minimum)."""
     return resonance.assign(orbit_height=resonance.displacement_max - resonance.displacement_min)
 
 
 def compare_time_histories(path: str, models: Mapping[str, Any], run: dict) -> xr.Dataset:
-    """Compute the harmonics of measured time histories and of the settled motions of models.
+    """Compute the harmonics of measured time histories and of simulated periodic motions.
 
-    `path` is the YAML file of the measured data set, `models` maps the name of a damping
-    combination to a model, `run` has arguments of `gearlib.simulate`. The dimensions are course (a
-    time history at constant speed), observable, harmonic of the mesh period, and damping. The
-    shape_phase (degrees) of harmonic k is its phase minus k times the phase of the first harmonic,
-    so it does not depend on the unknown phase of the shaft.
+    `path` is the YAML file of the measured data set, `models` maps names of damping combinations to
+    models, and `run` has arguments of `gearlib.simulate`. The dataset has the dimensions course (a
+    time history at constant speed), observable, harmonic of the mesh frequency, and damping. The
+    shape_phase (degrees) of harmonic k is its phase minus k times the phase of the first harmonic.
+    It does not depend on the unknown phase of the shaft.
     """
     measurement = read_measured(path)
     names = [name for name in SI_SCALES if name in measurement]
@@ -223,9 +221,9 @@ def compare_time_histories(path: str, models: Mapping[str, Any], run: dict) -> x
 
 
 def _require_conditions(conditions: list, path: str, measurement: xr.Dataset, allowed: str) -> None:
-    """Raise ValueError unless a measured data set has a condition with a suitable speed.
+    """Raise ValueError if a measured data set has no operating condition with a suitable speed.
 
-    `conditions` are the results for such conditions, `path` is the file of the `measurement`, and
+    `conditions` is a list of the suitable conditions, and `path` the file of the `measurement`.
     `allowed` describes a suitable speed in the message.
     """
     speed = measurement.speed.values
@@ -234,10 +232,10 @@ def _require_conditions(conditions: list, path: str, measurement: xr.Dataset, al
 
 
 def _add_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr.Dataset:
-    """Return a dataset with the attributes of a measured data set and with the unit of the speed.
+    """Return `dataset` with the attributes of `measurement` and the unit of the speed.
 
-    The additional attribute course_units has the units of the `observables`, which are names of
-    variables of `measurement`, as in "displacement in m".
+    The additional attribute course_units states the units of the `observables`, names of variables
+    of `measurement`, as in "displacement in m".
     """
     dataset["speed"].attrs["units"] = "min-1"
     units = ", ".join(f"{name} in {measurement[name].attrs['units']}" for name in observables)
@@ -245,11 +243,10 @@ def _add_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr.
 
 
 def _select_conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Dataset]:
-    """Return a list with the samples of each measured condition as a dataset.
+    """Return a list of datasets with the samples of each operating condition.
 
-    A condition is a run of the test rig with its name. Only those with a constant speed are
-    returned, or with `constant_speed` False only those with a varying speed. A measurement without
-    names of conditions counts as one condition.
+    If `constant_speed` is true, only conditions with a constant speed are selected, otherwise only
+    those with a varying speed. Without the coordinate "condition", all samples are one condition.
     """
     names = np.zeros(measurement.sizes["sample"])
     if "condition" in measurement.coords:
@@ -264,15 +261,15 @@ def _select_conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr
 
 
 def _analyse_computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Dataset:
-    """Compute the harmonics of a simulated observable, in SI units, and one mesh period to plot.
+    """Compute the harmonics (SI units) of a simulated observable, and one mesh period for plots.
 
-    `motion` is a result of `gearlib.simulate` with the arguments `run`, `observable` one of its
-    variables. The plotted mesh period starts at the peak of the first harmonic.
+    `motion` is a result of `gearlib.simulate` with the arguments `run`, and `observable` the name
+    of a variable. The plotted mesh period starts at the peak of the first harmonic.
     """
     periods, samples = int(run["record_periods"]), int(run["samples_per_period"])
     scale = float(motion[SI_SCALES[observable]])
     values = scale * motion[observable].values[: periods * samples]
-    # The record has several mesh periods, so mesh harmonics are multiples of their number.
+    # Over n mesh periods, each n-th component of the spectrum is a mesh harmonic.
     harmonics = np.fft.rfft(values)[periods::periods][:_HARMONIC_COUNT] / (0.5 * values.size)
     phases = np.linspace(0.0, math.tau, samples, endpoint=False)
     plot_phases = np.linspace(0.0, math.tau, _COMPUTED_POINTS)
@@ -289,8 +286,8 @@ def _analyse_computed_history(motion: xr.Dataset, observable: str, run: dict) ->
 def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
     """Return the phase of each harmonic k minus k times the phase of the first, in degrees.
 
-    These differences do not change if the time history is shifted. `harmonics` are complex
-    amplitudes, starting with the first harmonic.
+    These phases do not depend on the origin of time. `harmonics` are complex amplitudes, beginning
+    with the first harmonic.
     """
     numbers = np.arange(1, harmonics.size + 1)
     return np.degrees(np.angle(harmonics * np.exp(-1j * numbers * np.angle(harmonics[0]))))
@@ -299,15 +296,15 @@ def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
 def _fit_measured_history(
     condition: xr.Dataset, observable: str, mesh_frequency: float
 ) -> xr.Dataset:
-    """Fit the harmonics of a measured time history, and select samples to plot.
+    """Fit the harmonics of a measured time history, and select samples for plots.
 
-    `condition` has the samples of one measured run, `observable` is one of its variables. Harmonics
-    of the `mesh_frequency`, rad/s, and their standard deviations are found by least squares. All
-    values are NaN if there are too few samples. The samples to plot, along "number", are
-    point_phase (rad from the peak of the first harmonic) and point (value of the observable).
+    `condition` has the samples at one operating condition, and `observable` is the name of a
+    variable. Harmonics of the `mesh_frequency` (rad/s) and their standard deviations are computed
+    by least squares. All values are NaN if there are too few samples. The plotted samples along
+    "number" have point_phase (rad, 0 at the peak of the first harmonic) and point (the value).
     """
     finite = np.isfinite(condition[observable].values)
-    # An observable that was only measured in other conditions keeps its first sample, which is NaN.
+    # If all samples are NaN, the first one is kept, so that arrays are not empty.
     finite[:1] |= not finite.any()
     time, values = condition.time.values[finite], condition[observable].values[finite]
     numbers = np.arange(1, _HARMONIC_COUNT + 1)
@@ -319,9 +316,9 @@ def _fit_measured_history(
         basis = np.hstack([np.ones((time.size, 1)), waves.real, waves.imag])
         fit, _, rank, _ = np.linalg.lstsq(basis, values, rcond=_MIN_SINGULAR_VALUE)
         if rank == basis.shape[1]:
-            # The columns of the basis are 1, cosines and sines. With this sign, the angle of a
-            # harmonic is the phase of a cosine.
-            harmonics = fit[1 : _HARMONIC_COUNT + 1] - 1j * fit[_HARMONIC_COUNT + 1 :]
+            _, *cosines_and_sines = fit  # the first column of the basis is constant
+            cosines, sines = np.split(np.array(cosines_and_sines), 2)
+            harmonics = cosines - 1j * sines
             noise = condition[observable].attrs.get("noise_std") or np.std(values - basis @ fit)
             deviation = noise * math.sqrt(2.0 / time.size)
     phase_deviation = deviation / np.abs(harmonics)
@@ -340,14 +337,14 @@ def _fit_measured_history(
 
 
 def compare_run_ups(path: str, models: Mapping[str, Any]) -> xr.Dataset:
-    """Compute amplitudes of multiples of the mesh order in run-ups, measured and computed.
+    """Compute amplitudes of the mesh orders in run-ups, measured and computed.
 
-    The mesh order is the number of teeth, in periods per revolution; `_MESH_ORDERS` has its
-    multiples. `path` is the YAML file of the measured data set, `models` maps the name of a damping
-    combination to a model. The dimensions are track (a run-up or run-down), observable, order
-    (multiple of the mesh order) and block (of whole revolutions). amplitude is measured;
-    computed_amplitude, also over damping, follows from the measured speed course and starts from
-    the static state. Amplitudes are rms values in SI units.
+    Mesh orders are multiples (`_MESH_ORDERS`) of the number of teeth, in periods per revolution.
+    `path` is the YAML file of the measured data set, and `models` maps names of damping
+    combinations to models. The dataset has the dimensions track (a run-up or run-down), observable,
+    order (multiple of the number of teeth) and block (of whole revolutions). The variable amplitude
+    is measured; computed_amplitude, also over damping, is computed for the measured speed course,
+    starting from static equilibrium. Amplitudes are rms values in SI units.
     """
     measurement = read_measured(path)
     names = [name for name in SI_SCALES if name in measurement]
@@ -358,7 +355,7 @@ def compare_run_ups(path: str, models: Mapping[str, Any]) -> xr.Dataset:
         speed = condition.speed.values
         revolutions = cumulative_trapezoid(speed / 60.0, condition.time.values, initial=0.0)
         interval = f"{np.ptp(condition.time.values):.4g} s"
-        allowed = f"at least a whole revolution, not {revolutions[-1]:.3g} revolutions"
+        allowed = f"at least one revolution, not {revolutions[-1]:.3g} revolutions"
         checks.require(revolutions[-1] >= 1.0, f"time in {path}", interval, allowed)
         block_size = max(1, int(revolutions[-1] / _MAX_BLOCKS))
         edges = np.arange(int(revolutions[-1] / block_size) + 1) * block_size
@@ -389,11 +386,11 @@ def compare_run_ups(path: str, models: Mapping[str, Any]) -> xr.Dataset:
 
 
 def _mesh_order_amplitudes(history, revolutions, edges, teeth: int) -> np.ndarray:
-    """Return the rms amplitudes of the mesh orders of a measured time history, (orders, blocks).
+    """Compute rms amplitudes of the mesh orders of a measured time history, (orders, blocks).
 
     Mesh orders are multiples of the number of `teeth`, in periods per revolution. `history` is a
-    variable over samples, `revolutions` are the shaft revolutions at the samples. A block extends
-    from one of the `edges`, in revolutions, to the next. Amplitudes of blocks with gaps are NaN.
+    variable over samples, and `revolutions` are the shaft revolutions at the samples. A block
+    extends between adjacent `edges`, in revolutions. Amplitudes of blocks with gaps are NaN.
     """
     finite = np.isfinite(history.values)
     revolutions, values = revolutions[finite], history.values[finite]
@@ -401,8 +398,8 @@ def _mesh_order_amplitudes(history, revolutions, edges, teeth: int) -> np.ndarra
     missing_count = int((~complete).sum())
     if missing_count:
         blocks = f"{missing_count} of {complete.size} blocks of revolutions"
-        warnings.warn(f"{blocks} are left out of {history.name}: they have gaps", stacklevel=2)
-    # A Fourier coefficient of a block is an integral over its revolutions, by the trapezoidal rule.
+        warnings.warn(f"{blocks} of {history.name} have gaps and are ignored", stacklevel=2)
+    # Fourier coefficients of a block are integrals over its revolutions (trapezoidal rule).
     waves = values * np.exp(-2j * np.pi * teeth * _MESH_ORDERS[:, None] * revolutions)
     integrals = cumulative_trapezoid(waves, revolutions, initial=0.0)
     edge_values = np.array([np.interp(edges, revolutions, integral) for integral in integrals])
@@ -411,10 +408,10 @@ def _mesh_order_amplitudes(history, revolutions, edges, teeth: int) -> np.ndarra
 
 
 def _approximate_speed_course(condition: xr.Dataset) -> list[tuple[float, float]]:
-    """Approximate a measured speed course by straight lines; return their ends (time in s, rpm).
+    """Approximate a measured speed course by a piecewise linear one of points (time in s, rpm).
 
-    The ends are means over groups of samples, so that sensor noise does not cause acceleration. The
-    time starts at 0.
+    Points are means over groups of samples, which suppresses the accelerations that sensor noise
+    would cause. The time starts at 0.
     """
     time = condition.time.values - condition.time.values[0]
     speed = condition.speed.values
@@ -426,12 +423,12 @@ def _approximate_speed_course(condition: xr.Dataset) -> list[tuple[float, float]
 def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Iterator[list]:
     """Yield the rows of a table that compares measured and computed quantities.
 
-    `curves`, `courses` (time histories at constant speed) and `orders` (of run-ups) are results of
-    `read_response_curve`, `compare_time_histories` and `compare_run_ups`, one for each measured
-    data set; `resonance` has the computed sweeps. After the names of the columns, each row compares
-    a quantity of one data set with one damping combination. "set" is the title of the data set,
-    "calibration" tells which calibration the comparison requires, and "deviations" is the
-    difference divided by its standard deviation.
+    `curves`, `courses` (time histories at constant speed) and `orders` (of run-ups) are lists of
+    results of `read_response_curve`, `compare_time_histories` and `compare_run_ups`; `resonance`
+    has the computed sweeps. The first row has the column names. Each other row compares a quantity
+    of one data set with one damping combination. "set" is the title of the data set, "calibration"
+    the calibration that the comparison requires, and "deviations" the difference divided by its
+    standard deviation.
     """
     header = ["set", "quantity", "calibration", "damping", "measured", "standard_deviation"]
     yield [*header, "computed", "difference", "deviations"]
@@ -449,10 +446,10 @@ def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Ite
 
 
 def _comparison_row(title: str, damping: str, comparison: Comparison) -> list:
-    """Return the table row for a comparison of a measured data set with one damping combination.
+    """Return the table row of a comparison of a data set with a damping combination.
 
-    `title` is the title of the data set, `damping` the name of the combination. Values that are NaN
-    become empty cells.
+    `title` is the title of the data set, and `damping` the name of the combination. NaN becomes an
+    empty cell.
     """
     measured, measured_deviation = comparison.measured
     computed, deviation = comparison.computed
@@ -468,11 +465,11 @@ def _comparison_row(title: str, damping: str, comparison: Comparison) -> list:
 
 
 def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Comparison]:
-    """Yield comparisons of a measured curve with the `sweeps` of one damping combination.
+    """Yield comparisons of a response curve with the `sweeps` of one damping combination.
 
-    The curve is over speed. The comparisons are, in this order, ratios of jump speeds and of peaks,
-    which need no calibration; misfits of all observables; jump speeds; and the speed at which
-    contact is first lost.
+    The comparisons are, in this order, ratios of jump speeds and of peaks, which need no
+    calibration; misfits of all observables; jump speeds; and the speed at which contact loss
+    begins.
     """
     observable = next((name for name in _JUMP_OBSERVABLES if name in measured), None)
     jumps = _compare_jumps(measured, sweeps, observable)
@@ -484,7 +481,7 @@ def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Compari
         yield Comparison("jump down over jump up", measured_ratio, computed_ratio)
     if observable and "direction" in measured.coords:
         computed = _interpolate_sweeps(measured, sweeps, observable)
-        # The peaks of the smallest displacement are minima.
+        # The response peak of the minimum displacement is a minimum.
         sign = -1.0 if observable == "displacement_min" else 1.0
         noise = measured[observable].attrs["noise_std"] or math.nan
         directions = measured.direction.values
@@ -508,10 +505,9 @@ def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Compari
 def _compare_jumps(measured, sweeps, observable: str | None) -> dict[str, tuple]:
     """Return the measured and the computed jump speed for each direction with a measured jump.
 
-    The result maps "up" and "down" to two estimates, each a speed in rpm and its standard
-    deviation. `sweeps` are the computed sweeps with one damping combination. If the measured data
-    set states no jump speed, the jump is searched in the values of `observable` (None: no
-    observable is suitable).
+    The result maps "up" and "down" to pairs of estimates (speed in rpm, standard deviation).
+    `sweeps` are the computed sweeps with one damping combination. If the data set states no jump
+    speed, the jump is searched in `observable`, unless this is None.
     """
     jumps = {}
     for code, direction in ((1, "up"), (-1, "down")):
@@ -529,9 +525,9 @@ def _compare_jumps(measured, sweeps, observable: str | None) -> dict[str, tuple]
 
 
 def _measured_speed(measured: xr.Dataset, name: str) -> Estimate:
-    """Return a speed stated in a measured data set and its standard deviation, rpm.
+    """Return a speed stated in a measured data set and its standard deviation, in rpm.
 
-    `name` is the name of the speed, such as "jump_up". Both values are NaN if it is not stated.
+    `name` is a variable such as "jump_up". Both values are NaN if the data set does not have it.
     """
     if name not in measured:
         return _UNKNOWN
@@ -539,11 +535,11 @@ def _measured_speed(measured: xr.Dataset, name: str) -> Estimate:
 
 
 def find_jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
-    """Find the speed at which a curve jumps, and its standard deviation, NaN without a jump.
+    """Find the speed at which a curve jumps, and its standard deviation; NaN if there is no jump.
 
-    The curve has `values` of an observable at `speeds`, in any order; NaN values are ignored. A
-    jump is a step between neighbouring samples that is large compared with the range of the values
-    and with all other steps.
+    The curve has `values` of an observable at `speeds`, in any order. NaN values are ignored. A
+    jump is a step between adjacent samples that is large compared with the range of the values and
+    with all other steps.
     """
     finite = np.isfinite(values)
     order = np.argsort(speeds[finite], kind="stable")
@@ -552,19 +548,19 @@ def find_jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
         return _UNKNOWN
     steps = np.abs(np.diff(values))
     i = int(steps.argmax())
-    # The steps next to the largest one may belong to the same jump.
+    # The adjacent steps may be parts of the same jump.
     other_steps = np.concatenate([steps[: max(i - 1, 0)], steps[i + 2 :]])
     step_limit = _MIN_JUMP_STEP_RATIO * other_steps.max(initial=0.0)
     if steps[i] <= max(_MIN_JUMP_RANGE_RATIO * np.ptp(values), step_limit):
         return _UNKNOWN
-    # The jump is uniformly distributed between two samples; a standard deviation must be positive.
+    # The jump is uniformly distributed between two samples. The standard deviation must be > 0.
     return speeds[i : i + 2].mean(), max(speeds[i + 1] - speeds[i], 1e-300) / math.sqrt(12.0)
 
 
 def _ratio_of_estimates(numerator: Estimate, denominator: Estimate) -> Estimate:
-    """Return the ratio of two estimates, and its standard deviation by propagation of errors.
+    """Return the ratio of two estimates, each a value and its standard deviation.
 
-    An estimate is a value and its standard deviation.
+    The standard deviation of the ratio follows from propagation of errors.
     """
     ratio = numerator[0] / denominator[0]
     relative_deviations = (numerator[1] / numerator[0], denominator[1] / denominator[0])
@@ -574,9 +570,9 @@ def _ratio_of_estimates(numerator: Estimate, denominator: Estimate) -> Estimate:
 def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) -> Estimate:
     """Return the ratio of the peaks of the sweeps down and up, and its standard deviation.
 
-    `values` and `directions`, 1 (up) or -1 (down), have shape (samples,); `deviation` is the
-    standard deviation of the values. Peaks are heights above the median of both sweeps. The result
-    is NaN if a sweep is missing.
+    `values` and `directions` (1 for up, -1 for down) have the shape (samples,), and `deviation` is
+    the standard deviation of the values. Peaks are measured from the median of both sweeps. The
+    result is NaN if one of the sweeps is missing.
     """
     down, up = values[directions == -1], values[directions == 1]
     if not (np.isfinite(down).any() and np.isfinite(up).any()):
@@ -587,11 +583,11 @@ def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) ->
 
 
 def _compare_shapes(measured, sweeps, observable: str) -> Iterator[Comparison]:
-    """Yield the misfit: the rms difference of a measured curve and sweeps over the measured range.
+    """Yield the misfit of an observable, i.e. the rms difference divided by the measured range.
 
     `sweeps` are the computed sweeps with one damping combination. Gain and offset of the sensor are
-    fitted; if neither is marked as unknown, a second comparison uses the sensor as calibrated. The
-    measured estimate is NaN, with the noise of the sensor as its standard deviation.
+    fitted. If neither is marked as unknown, a second misfit uses the calibrated sensor. The
+    measured estimate of a misfit is NaN; its standard deviation is the noise of the sensor.
     """
     values = measured[observable].values
     computed = _interpolate_sweeps(measured, sweeps, observable)
@@ -610,10 +606,10 @@ def _compare_shapes(measured, sweeps, observable: str) -> Iterator[Comparison]:
 
 
 def _find_computed_onset(sweeps: xr.Dataset) -> Estimate:
-    """Return the speed of the first contact loss in an upward sweep, and its standard deviation.
+    """Find the speed at which contact loss begins in the sweep up, and its standard deviation.
 
-    `sweeps` are the computed sweeps with one damping combination. Both values are NaN if contact is
-    never lost.
+    `sweeps` are the computed sweeps with one damping combination. Both values are NaN if there is
+    no such sweep or if contact is never lost.
     """
     if "up" not in sweeps.direction.values:
         return _UNKNOWN
@@ -623,15 +619,15 @@ def _find_computed_onset(sweeps: xr.Dataset) -> Estimate:
     if not onsets.size:
         return _UNKNOWN
     lower, upper = sweep.speed.values[onsets[0] : onsets[0] + 2]
-    # The onset is uniformly distributed between two speeds.
+    # The onset is uniformly distributed between both speeds.
     return 0.5 * (lower + upper), (upper - lower) / math.sqrt(12.0)
 
 
 def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of the mesh orders of run-ups, a result of `compare_run_ups`.
+    """Yield comparisons of the mesh orders in `run_ups`, a result of `compare_run_ups`.
 
-    In the names of quantities z is the mesh order, that is the number of teeth, and 2z twice this
-    order. Standard deviations are not known (NaN).
+    In the names of quantities, z is the first mesh order (the number of teeth), 2z the second, etc.
+    Standard deviations are unknown (NaN).
     """
     for i, j in np.ndindex(run_ups.sizes["track"], run_ups.sizes["observable"]):
         run_up = run_ups.isel(track=i, observable=j)
@@ -643,7 +639,7 @@ def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
             quotients = [np.nanmax(values[k]) / np.nanmax(values[0]) for values in amplitudes]
             ratios = [(float(quotient), math.nan) for quotient in quotients]
             yield Comparison(f"largest order {k + 1}z of {name} over order z", *ratios)
-        estimates = []  # of the speed at the largest amplitude, measured and computed
+        estimates = []  # speeds of the largest measured and computed amplitude
         for values in amplitudes:
             peak_block = int(np.nanargmax(values[0]))
             estimates.append((float(run_up.speed[peak_block]), math.nan))
@@ -655,15 +651,15 @@ def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
 def _compare_harmonics(histories: xr.Dataset) -> Iterator[Comparison]:
     """Yield comparisons of measured and computed harmonics of time histories at constant speed.
 
-    `histories` is a result of `compare_time_histories` for one damping combination. Amplitudes are
-    compared as ratios to the first harmonic, phases relative to that of the first harmonic, so that
-    neither the calibration nor the phase of the shaft matters.
+    `histories` is a result of `compare_time_histories` for one damping combination. Amplitudes and
+    phases are compared relative to the first harmonic, so that neither the calibration nor the
+    phase of the shaft matters.
     """
     for i, j in np.ndindex(histories.sizes["course"], histories.sizes["observable"]):
         history = histories.isel(course=i, observable=j)
         if not math.isfinite(float(history.amplitude[0])):
             continue
-        where = f"of {history.observable.values} at {float(history.speed):.6g} min-1"
+        location = f"of {history.observable.values} at {float(history.speed):.6g} min-1"
         measured = [*zip(history.amplitude.values, history.amplitude_std.values, strict=True)]
         computed = [(amplitude, 0.0) for amplitude in history.computed_amplitude.values]
         for k in range(1, history.sizes["harmonic"]):
@@ -671,10 +667,10 @@ def _compare_harmonics(histories: xr.Dataset) -> Iterator[Comparison]:
                 _ratio_of_estimates(measured[k], measured[0]),
                 _ratio_of_estimates(computed[k], computed[0]),
             )
-            yield Comparison(f"harmonic {k + 1} over the first {where}", *ratios)
+            yield Comparison(f"harmonic {k + 1} over the first {location}", *ratios)
             phase = float(history.shape_phase[k]), float(history.shape_phase_std[k])
             computed_phase = float(history.computed_shape_phase[k])
-            # Full turns are added to the computed phase, so that it is next to the measured one.
+            # Add full turns so that the computed phase is within 180 degrees of the measured one.
             computed_phase += 360.0 * round((phase[0] - computed_phase) / 360.0)
-            quantity = f"phase of harmonic {k + 1} minus {k + 1} times that of the first {where}"
+            quantity = f"phase of harmonic {k + 1} minus {k + 1} times that of the first {location}"
             yield Comparison(quantity, phase, (computed_phase, math.nan), unit="deg")

@@ -1,8 +1,8 @@
-"""Compute single runs of the paper's figures: phase planes, labels of motions, the phase lag.
+"""Compute phase portraits, classes of motion and phase lags for the figures of the paper.
 
-With the complex Fourier coefficients X_n of y(tau) and C_n of C(tau) over one mesh period, the lag
-of the n-th harmonic is arg(C_n / X_n), in cycles of this harmonic. Without damping it is 0 or 180
-degrees; therefore lags lie between -90 and 270 degrees.
+The lag of the n-th harmonic is arg(C_n / X_n), where X_n and C_n are the complex Fourier
+coefficients of the displacement and the stiffness over one mesh period. Without damping it is 0 or
+180 degrees. Lags are therefore chosen between -90 and 270 degrees.
 """
 
 from collections.abc import Sequence
@@ -21,10 +21,11 @@ from gearlib.runs.simulation import simulate
 def simulate_phase_portrait(
     model: Any, pair: GearPair, tuning: float, run: dict, damping: str
 ) -> xr.Dataset:
-    """Simulate the time history of a phase portrait, labelled with the name of its damping.
+    """Simulate the time history of a phase portrait.
 
     `tuning` is mesh frequency over natural frequency of `pair`; `model` runs at the same speed.
-    `run` has arguments of `gearlib.simulate`, `damping` is the name of the damping combination.
+    `run` has arguments of `gearlib.simulate`. `damping` is the name of the damping combination, a
+    coordinate of the result.
     """
     tuning = model.tuning_from(pair, tuning)
     motion = simulate(model, tuning, until_settled=True, **run)
@@ -34,11 +35,11 @@ def simulate_phase_portrait(
 def classify_motions(
     model: Any, pair: GearPair, tunings: Sequence[float], settings: dict, damping: str
 ) -> xr.Dataset:
-    """Classify the motion from rest (periodic, chaotic, ...) at each tuning.
+    """Classify the motion from rest as periodic, chaotic, etc. at each tuning.
 
     `tunings` are mesh frequencies over the natural frequency of `pair`; `model` runs at the same
-    speeds. `settings` are further arguments of `gearlib.trust`, which also tells how reliable the
-    label of a motion is; `damping` is the name of the damping combination.
+    speeds. `settings` has further arguments of `gearlib.trust`, which also assesses how reliable a
+    class is. `damping` is the name of the damping combination, a coordinate of the result.
     """
     tunings = model.tuning_from(pair, np.asarray(tunings))
     classified = trust.classify_at_tunings(model, tunings, **settings)
@@ -48,15 +49,15 @@ def classify_motions(
 def harmonic_lags(motion: xr.Dataset, count: int) -> np.ndarray:
     """Return the lags of the first `count` mesh harmonics, degrees in [-90, 270).
 
-    A lag is the phase by which the displacement follows the stiffness, in degrees of this harmonic.
-    `motion` is a result of `gearlib.simulate`. Lags are NaN unless the motion repeats after one
-    mesh period.
+    A lag is the phase angle by which a harmonic of the displacement lags behind the stiffness.
+    `motion` is a result of `gearlib.simulate`. Lags are NaN unless the motion has the period of the
+    mesh.
     """
     if int(motion.period) != 1:
         return np.full(count, np.nan)
     displacement, stiffness = np.fft.rfft(motion.displacement), np.fft.rfft(motion.stiffness)
     lags = np.degrees(np.angle(stiffness[1 : count + 1] / displacement[1 : count + 1]))
-    # Undamped lags, 0 or 180 degrees, lie inside this range, far from its ends.
+    # Undamped lags of 0 or 180 degrees are far from the ends of this range.
     return (lags + 90.0) % 360.0 - 90.0
 
 
@@ -65,12 +66,12 @@ def compute_phase_lag(
 ) -> xr.Dataset:
     """Compute time histories and lags of all harmonics at a tuning, and the first lag over tuning.
 
-    A lag is the phase by which the displacement follows the stiffness. `dampings` are values of the
-    material damping (in contact, N s/m); `tuning` is mesh frequency over natural frequency,
-    `tunings` are those of the first lag; `harmonics` is the number of harmonics. `periods` and
-    `samples_per_period` are arguments of `gearlib.simulate`. Lags are NaN where the orbit does not
-    repeat after one mesh period; lags and histories are NaN where rounding errors decide on which
-    orbit the motion ends.
+    A lag is the phase angle by which a harmonic of the displacement lags behind the stiffness.
+    `dampings` are values of the material damping (in contact, N s/m), and `harmonics` is the number
+    of harmonics. Time histories are computed at `tuning` (mesh frequency over natural frequency),
+    the lag of the first harmonic at `tunings`. `periods` and `samples_per_period` are arguments of
+    `gearlib.simulate`. Lags are NaN if the period of the motion is not one mesh period. Lags and
+    time histories are NaN if rounding errors decide on which orbit the motion settles.
     """
     run = {"periods": periods, "samples_per_period": samples_per_period, "until_settled": True}
     models = [pair.replace(material_damping=damping) for damping in dampings]

@@ -1,7 +1,7 @@
-"""Compute resonance characteristics, the branches of periodic orbits behind them, and their loci.
+"""Compute resonance curves, the underlying branches of periodic orbits, and their loci.
 
-Orbits of one mesh period are followed from both ends of the range of tunings, orbits of two mesh
-periods from the period doublings on these branches. Isolated branches are not found.
+Branches of period-one orbits are followed from both ends of the range of tunings, and branches of
+period-two orbits from the period doublings on these branches. Isolated branches are not found.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep, sweep_down
 from gearlib.tunings import grid
 
-#: A doubled branch that starts with a smaller change of tuning is perpendicular to the tuning axis.
+#: If the tuning changes by less at the start of a doubled branch, its direction is unknown.
 _MIN_TUNING_CHANGE = 1e-9
 
 
@@ -34,13 +34,13 @@ def sweep_window(
     threads,
     lowest=None,
 ) -> xr.Dataset:
-    """Compute a sweep over a window of tunings, labelled with damping and direction.
+    """Compute a sweep over a window of tunings.
 
-    `window` is (first, last) and `step` the step of tunings, mesh frequencies over the natural
-    frequency of `pair`; `model` runs at the same speeds. `run` has arguments of `gearlib.sweep`,
-    `damping` is the name of the damping combination, `direction` is "cold" (every run from the same
-    initial state), "up" or "down", and `threads` the number of threads. A downward sweep that has
-    not jumped continues below the window, down to the tuning `lowest`, unless this is None.
+    The tunings have the range `window` = (first, last) and the `step`; they are mesh frequencies
+    over the natural frequency of `pair`, and `model` runs at the same speeds. `run` has arguments
+    of `gearlib.sweep`. `direction` is "cold" (all runs start from the same state), "up" or "down".
+    A sweep "down" that has not jumped is extended to the tuning `lowest`, unless this is None.
+    `damping` is the name of the damping combination, a coordinate of the result.
     """
     first_tuning, last_tuning = window
     tunings = model.tuning_from(pair, np.array(grid(first_tuning, last_tuning, step)))
@@ -53,22 +53,22 @@ def sweep_window(
 
 
 def compute_branches(pair: GearPair, settings: dict, damping: str) -> xr.Dataset:
-    """Compute the branches of periodic orbits of a gear pair, labelled with its damping.
+    """Compute the branches of periodic orbits of a gear pair over tuning.
 
-    A branch is a curve of orbits over tuning, mesh frequency over natural frequency. `settings` are
-    start and stop (tunings), step, max_height and max_points, the arguments of `follow_branches`;
-    `damping` is the name of the damping combination.
+    `settings` has the arguments of `follow_branches`: start and stop (tunings, mesh frequency over
+    natural frequency), step, max_height and max_points. `damping` is the name of the damping
+    combination, a coordinate of the result.
     """
     return add_metadata(follow_branches(pair, **settings).assign_coords(damping=damping))
 
 
 def follow_branches(model: Any, start: float, stop: float, **settings: Any) -> xr.Dataset:
-    """Compute the branches of periodic orbits between two tunings, joined along ``point``.
+    """Follow the branches of periodic orbits between two tunings, concatenated along ``point``.
 
-    The tunings `start` and `stop` are mesh frequencies over the natural frequency. Branches of one
-    mesh period start at both, branches of two mesh periods at period doublings. `settings` are the
-    arguments step, max_height and max_points of `gearlib.continue_orbit`. Raise NoOrbit if there is
-    no orbit of one mesh period at either tuning.
+    The tunings `start` and `stop` are mesh frequencies over the natural frequency. Branches of
+    period-one orbits start at both tunings, and branches of period-two orbits at period doublings.
+    `settings` are the arguments step, max_height and max_points of `gearlib.continue_orbit`. Raise
+    NoOrbit if there is no period-one orbit at either tuning.
     """
     branches: list[xr.Dataset] = []
     for begin, end in ((start, stop), (stop, start)):
@@ -78,7 +78,9 @@ def follow_branches(model: Any, start: float, stop: float, **settings: Any) -> x
             if orbit is not None:
                 branches.append(continue_orbit(orbit, to=end, **settings))
     if not branches:
-        raise NoOrbit(f"no orbit of one mesh period was found at tuning = {start!r} or {stop!r}")
+        raise NoOrbit(
+            f"no orbit of one mesh period was found at the tunings {start!r} and {stop!r}"
+        )
     for branch in list(branches):
         for point in np.flatnonzero(branch.label == DOUBLING):
             try:
@@ -96,12 +98,13 @@ def follow_branches(model: Any, start: float, stop: float, **settings: Any) -> x
 
 
 def _find_orbit(model: Any, tuning: float) -> Any:
-    """Return an orbit of one mesh period at a tuning, or None if none is found.
+    """Find a period-one orbit at a tuning (mesh frequency over natural frequency), or None.
 
-    The tuning is mesh frequency over natural frequency. The search by Newton's method starts from
-    the static deflection at rest, then from the default state of `periodic_orbit`.
+    Newton's method starts from rest at the static deflection. If it fails, it starts from the
+    default guess of `periodic_orbit`.
     """
-    for guess in ((1.0, 0.0), None):
+    at_static_deflection = (1.0, 0.0)
+    for guess in (at_static_deflection, None):
         try:
             return periodic_orbit(model, tuning, guess=guess)
         except NoOrbit:
@@ -112,27 +115,27 @@ def _find_orbit(model: Any, tuning: float) -> Any:
 def _follow_doubled_branch(
     model: Any, branch: xr.Dataset, point: int, start: float, stop: float, settings: dict
 ) -> xr.Dataset:
-    """Follow the branch of doubled period that starts at a point of a branch, and return it.
+    """Follow the branch of doubled period that starts at a period doubling on another branch.
 
-    `point` is the index of a period doubling on `branch`. The doubled branch is followed to the
-    tuning `start` or `stop` (mesh frequency over natural frequency), depending on the direction in
-    which it starts; `settings` are further arguments of `gearlib.continue_orbit`.
+    `point` is the index of the period doubling on `branch`. The doubled branch is followed to the
+    tuning `start` or `stop` (mesh frequency over natural frequency), depending on its initial
+    direction. `settings` has further arguments of `gearlib.continue_orbit`.
     """
     orbit = switch_branch(model, branch, point)
     change = orbit.tuning - float(branch.tuning[point])
     if abs(change) > _MIN_TUNING_CHANGE:
         target_tuning = stop if change > 0.0 else start
         return continue_orbit(orbit, to=target_tuning, **settings)
-    # The direction is not known, so both are tried and the longer branch is kept.
+    # The direction is unknown, so both are tried and the longer branch is kept.
     limits = (start, stop)
     candidates = [continue_orbit(orbit, to=tuning, limits=limits, **settings) for tuning in limits]
     return max(candidates, key=lambda candidate: candidate.sizes["point"])
 
 
 def _join_branches(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Dataset:
-    """Join branches along ``point``, with NaN for the Floquet multipliers of grazing orbits.
+    """Concatenate branches along ``point``; Floquet multipliers of grazing orbits become NaN.
 
-    A grazing orbit touches the boundary of contact at zero velocity. Near it, the multipliers
+    A grazing orbit touches the contact boundary with zero velocity. Near grazing, multipliers
     change with the square root of the distance, so half of their digits are rounding errors.
     `attrs` and `title` become attributes of the result.
     """
@@ -147,20 +150,19 @@ def _join_branches(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> x
 def compute_loci(
     pair: GearPair, branches: xr.Dataset, start: float, stop: float, lowest: float, highest: float
 ) -> xr.Dataset:
-    """Compute the curves (loci) of special orbits of one mesh period over tuning and damping ratio.
+    """Compute loci of period-one bifurcations in the plane of tuning and damping ratio.
 
-    Special orbits are folds, period doublings and grazings, orbits that touch the boundary of
-    contact. `branches` are the branches of orbits of `pair`. The loci lie between the tunings
-    (dimensionless mesh frequencies) `start` and `stop` and between the damping ratios `lowest` and
-    `highest`. In the dataset, ``locus`` is the index of the point of the branches from which a
-    locus starts, and ``own_damping`` the damping ratio of `pair`, with which the branches were
-    computed.
+    The loci are curves of folds, period doublings and grazing orbits (which touch the contact
+    boundary). They start from the special points on `branches`, the branches of orbits of `pair`,
+    and are limited to the tunings (mesh frequency over natural frequency) from `start` to `stop`
+    and the damping ratios from `lowest` to `highest`. In the dataset, locus is the index of the
+    branch point from which a locus starts, and own_damping the damping ratio of `pair`.
     """
     labels = branches.label.values
     tunings = start, stop
     damping_ratio = pair.damping_ratio
     names = ["state", "multiplier_real", "multiplier_imaginary", "residual", "tuning", "label"]
-    # An empty dataset ensures that the result has its variables even without any locus.
+    # The empty dataset ensures that the result has all variables even if there is no locus.
     empty = branches.isel(point=slice(0))[names].reset_coords(drop=True).drop_encoding()
     datasets = [empty.assign(damping_ratio=("point", []), locus=("point", np.empty(0, np.int32)))]
     is_special = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)

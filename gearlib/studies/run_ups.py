@@ -1,7 +1,7 @@
-"""Compute run-ups and run-downs through the resonance, and the mesh orders of the slowest run.
+"""Compute run-ups and run-downs through resonance, and the mesh orders of the slowest run.
 
-In a sweep the motion settles at every speed; a run-up passes each speed once. The faster it is, the
-further its jumps lie behind the folds, and the lower is its peak.
+In a sweep the motion settles at every speed, whereas a run-up passes through each speed once. In
+faster run-ups, jumps occur further beyond the folds, and the peak is lower.
 """
 
 from collections.abc import Sequence
@@ -30,14 +30,13 @@ def run_ups_at_several_rates(
     mesh_orders: int,
     damping,
 ) -> xr.Dataset:
-    """Compute tuning and extrema of the displacement in each revolution of several run-ups.
+    """Compute tuning and displacement extrema in each revolution of several run-ups and run-downs.
 
-    `start` and `stop` are tunings, mesh frequencies over the natural frequency of `pair`; `model`
-    runs at the same speeds. In each run the tuning rises linearly from `start` to `stop` and falls
-    back at the same rate; `revolutions` has the number of revolutions from `start` to `stop` for
-    each run. The dataset also has an order map of the slowest run (amplitudes of the force over
-    orders and speed), up to `mesh_orders` times the mesh order. `damping` is the name of the
-    damping combination.
+    In each run the tuning rises linearly from `start` to `stop` and falls back at the same rate.
+    The tuning is mesh frequency over natural frequency of `pair`; `model` runs at the same speeds.
+    `revolutions` is a list with the number of revolutions from `start` to `stop` for each run. The
+    dataset also has an order map of the force in the slowest run, up to the multiple `mesh_orders`
+    of the mesh order. `damping` is the name of the damping combination.
     """
     start_speed = float(model.speed(model.tuning_from(pair, start)))
     stop_tuning = model.tuning_from(pair, stop)
@@ -64,15 +63,17 @@ def run_ups_at_several_rates(
         if is_slowest:
             resolution = 1.0 / max(1, round(2 * count / _ORDER_MAP_BLOCKS))
             options = {"orders": range(mesh_orders * model.teeth + 1), "resolution": resolution}
-            slow_map = order_map(run, variable="dynamic_force", **options)
+            order_map_of_slowest = order_map(run, variable="dynamic_force", **options)
     attrs = {"units": "1", "long_name": "revolutions in each direction"}
     coords = {"revolutions": ("revolutions", list(revolutions), attrs)}
     coords |= {"direction": list(DIRECTIONS)}
     dims = "revolutions", "direction", "point"
     variables = {name: (dims, values) for name, values in data.items()}
     dataset = xr.Dataset(variables | {"damping": damping}, coords)
-    # In the CF conventions a coordinate called "time" has a reference date, which is missing here.
+    # In the CF conventions, a coordinate called "time" needs a reference date.
     map_names = ["amplitude", "rpm", "overall", "teeth", "order_resolution"]
-    dataset = dataset.merge(slow_map[map_names].rename(time="block"))
+    dataset = dataset.merge(order_map_of_slowest[map_names].rename(time="block"))
     dataset = make_result("Run-ups of a gear mesh", model, dataset, method="exact")
-    return dataset.assign_attrs({name: slow_map.attrs[name] for name in ("variable", "amplitude")})
+    return dataset.assign_attrs(
+        {name: order_map_of_slowest.attrs[name] for name in ("variable", "amplitude")}
+    )

@@ -26,7 +26,7 @@ def build_nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair 
     if gears is None:
         return pair
     return StageDesign(
-        geometry.stage(gears),
+        geometry.build_stage(gears),
         keep_backlash=gears.get("backlash") is not None,
         torque=gears["torque"],
         stiffness=gears.get("stiffness"),
