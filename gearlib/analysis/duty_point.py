@@ -18,7 +18,7 @@ from gearlib.analysis.order_maps import mesh_order_amplitudes, recorded_periods,
 from gearlib.data.motions import largest_force
 from gearlib.data.result import make_result
 from gearlib.models.geometry import iso
-from gearlib.models.geometry.gear_stage import GearStage, torque_of
+from gearlib.models.geometry.gear_stage import GearStage, resolve_torque
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.model import is_model
 from gearlib.models.single_mesh_system import contact_decay_rate
@@ -103,7 +103,7 @@ def duty_point(
         model = gears
     else:
         checks.check_gear_stage(gears, "gears", " or a model")
-        torque = torque_of(torque, options.pop("power", None), speed)
+        torque = resolve_torque(torque, options.pop("power", None), speed)
         model = default_load_sharing_pair(gears, torque=torque, **options)
         # Each mesh period has a stiffness table for each subset of the tooth pairs in mesh.
         max_periods = _MAX_TABLES // 2 ** math.ceil(gears.total_contact_ratio)

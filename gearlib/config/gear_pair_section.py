@@ -13,7 +13,7 @@ from gearlib import parameters as p
 from gearlib.config import RATIO_KEYS
 from gearlib.config import types as t
 from gearlib.config.types import Section, create_section, field, from_context, list_of
-from gearlib.models.geometry.gear_stage import checked_damping, damping_coefficient
+from gearlib.models.geometry.gear_stage import damping_coefficient, resolve_damping
 from gearlib.models.pair_parameters import MIN_MAGNITUDE, PairParameters, PairScales, check_scales
 from gearlib.models.profiles import PROFILES
 from gearlib.parameters import Allowed, RunOut
@@ -89,7 +89,7 @@ class Damping(_Coefficients):
             ((key, value),) = values.items()
             if pair and from_context(info, "by_geometry"):
                 # Called only to raise an error if the damping ratio is not below 1.
-                checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
+                resolve_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
             given[key] = value
             if pair and key != coefficient_key:
                 if key == "logarithmic_decrement":

@@ -10,9 +10,9 @@ from gearlib import parameters as p
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
 from gearlib.config.types import Section, create_section, field
-from gearlib.models.geometry.from_values import gear as gear_from_dict
+from gearlib.models.geometry.from_values import build_gear
 from gearlib.models.geometry.gear import Rack, SpurGear
-from gearlib.models.geometry.gear_stage import GearStage, six_degree_parameters, torque_of
+from gearlib.models.geometry.gear_stage import GearStage, resolve_torque, six_degree_parameters
 
 #: FZG type C, ISO 14635-2, at load stage 9 on shafts of 30 mm; backlash and quality are assumed.
 FZG_C = {
@@ -71,7 +71,7 @@ def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) 
     """
     pinion_values = None if pinion is None else pinion.model_dump()
     with checks.prefix_error_paths(section_key):
-        return gear_from_dict(gear.model_dump(), pinion_values, **defaults)
+        return build_gear(gear.model_dump(), pinion_values, **defaults)
 
 
 class MethodSection(Section):
@@ -172,7 +172,7 @@ class Gears(MethodSection, StageSection):
 
     def driving_torque(self) -> float:
         """Return the torque of the pinion, N m, rounded to 12 digits."""
-        return rounded(torque_of(self.torque, self.power, self.speed))
+        return rounded(resolve_torque(self.torque, self.power, self.speed))
 
     def geometry_dict(self) -> dict:
         """Return geometry, stiffness method and torque of the pinion (N m) as a dict."""

@@ -18,9 +18,9 @@ from gearlib.config.gears_section import (
     spur_gear,
 )
 from gearlib.config.types import Section, create_section, field, grid_with_defaults, list_of
-from gearlib.models.geometry.from_values import planetary_meshes
+from gearlib.models.geometry.from_values import build_planetary_meshes
 from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.geometry.gear_stage import GearStage, torque_of
+from gearlib.models.geometry.gear_stage import GearStage, resolve_torque
 from gearlib.models.trains import elements, planetary, ready_made
 from gearlib.models.trains.planetary import planetary_set
 from gearlib.parameters import Diameter, Module, RunOut, Torque
@@ -88,7 +88,9 @@ class PlanetarySet(_Set):
         ring = spur_gear("ring", self.ring, self.sun, internal=True)
         with checks.prefix_error_paths("", **self.option_keys()):
             layout_keys = {"planets", "positions", "centre_distance", "backlashes"}
-            planets = planetary_meshes(sun, planet, ring, **self.model_dump(include=layout_keys))
+            planets = build_planetary_meshes(
+                sun, planet, ring, **self.model_dump(include=layout_keys)
+            )
             arguments = self.arguments()
             mesh_keys = {*GeometryMesh.model_fields, "options"} & arguments.keys()
             mesh_arguments = _use_rectangular_stiffness({key: arguments[key] for key in mesh_keys})
@@ -107,7 +109,7 @@ class PlanetarySet(_Set):
 
         If power and speed are given, they are replaced by the torque of the sun, N m.
         """
-        torque = rounded(torque_of(self.torque, self.power, self.speed))
+        torque = rounded(resolve_torque(self.torque, self.power, self.speed))
         arguments = self.model_dump(exclude={"power", "speed", "stiffness_options"})
         return arguments | self.stiffness_arguments() | {"torque": torque}
 
@@ -190,7 +192,7 @@ class Own(Section):
         "Speed of the rotating frame over the speed of the first pinion in this frame.", None
     )
     gyroscopic: p.Boolean = field(
-        "Whether gyroscopic and centrifugal forces of the rotating frame are included.", None
+        "Whether Coriolis and centrifugal forces of the rotating frame are included.", None
     )
 
     @model_validator(mode="after")

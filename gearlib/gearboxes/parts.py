@@ -110,8 +110,8 @@ class Shaft(NamedTuple):
     def bending_stiffness(self, start: float, stop: float) -> float:
         """Return the bending stiffness in N/m between two coordinates in m.
 
-        The ends do not tilt. The stiffness is 12 E I / L^3 for a uniform shaft with Young's modulus E, second moment of area I and
-        length L.
+        The ends do not tilt. For a uniform shaft, it is 12 E I / L^3 with Young's modulus E, second
+        moment of area I and length L.
         """
         # Moments of order 0, 1 and 2 of the flexibility.
         moment_0, moment_1, moment_2 = (

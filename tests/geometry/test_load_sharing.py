@@ -146,7 +146,7 @@ def random_pairs(count, coupled):
 def test_equilibrium_matches_root_finding_by_scipy(count, coupled):
     """Solve for forces by non-negative least squares and for the displacement by Brent's method."""
     pairs, loads = random_pairs(count, coupled), [0.1, 1.0, 4.0]
-    equilibrium = pairs.forces_under_loads(loads)
+    equilibrium = pairs.solve_for_loads(loads)
     for (load_index, load), phase_index in itertools.product(enumerate(loads), range(40)):
         in_reach = pairs.can_touch[phase_index]
         root = np.linalg.cholesky(pairs.compliance[phase_index][np.ix_(in_reach, in_reach)])

@@ -14,7 +14,7 @@ from gearlib import GearPair, LoadSharingPair, duty_point, simulate
 from gearlib.data.status import JAMMED
 from gearlib.geometry import GearStage, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry import load_sharing
-from gearlib.models.geometry.load_sharing import corner_gap, pairs_at, tooth_pairs
+from gearlib.models.geometry.load_sharing import corner_gap, tooth_pairs, tooth_pairs_at
 from tests.geometry.stages import (
     fzg_c,
     gears_of_20_teeth,
@@ -67,7 +67,7 @@ def test_tooth_pairs_coupled_by_the_body_move_as_integrated_by_scipy(corners):
     def pairs(tau, middle):
         """Return the tooth pairs at the phase `tau`, those in reach at the phase `middle`."""
         at = np.array([tau, middle]) / math.tau + shift
-        return pairs_at(mesh, *at[:, None], stiffness="iso", corners=corners, load=model.load)
+        return tooth_pairs_at(mesh, *at[:, None], stiffness="iso", corners=corners, load=model.load)
 
     # The rate is with respect to the time in which the eigenfrequency is 1.
     state = np.array([-0.5, 1.5 * tuning])
@@ -168,7 +168,7 @@ def test_slow_teeth_carry_their_static_share(name):
     }
     run = simulate(model, model.slowest_tuning, **settings)
     static_pairs = tooth_pairs(mesh, 300, load=model.load, corners=True, **options)
-    static_forces = static_pairs.forces_under_loads([model.load]).force[0]
+    static_forces = static_pairs.solve_for_loads([model.load]).force[0]
     np.testing.assert_allclose(static_forces.sum(-1), model.load, rtol=1e-9)
     forces = model.tooth_forces(run.phase, run.displacement)
     np.testing.assert_allclose(forces, static_forces, atol=0.01 * model.load)

@@ -45,7 +45,7 @@ def third_stage_with_web(**changes):
     return replace(mesh, wheel=replace(mesh.wheel, web=web, bore=0.0))
 
 
-def planetary_meshes():
+def build_planetary_meshes():
     """Return (sun with planet, planet with ring gear) of the first stage of the same gearbox."""
     common = {"module": 45e-3, "width": 0.491, "material": STEEL}
     sun = SpurGear(teeth=19, shift=0.6170, tip_diameter=0.978808, bore=0.48233, **common)
@@ -81,7 +81,7 @@ def test_form_diameters_match_published_values():
     mesh = third_stage()
     assert form_diameter(mesh.pinion) == pytest.approx(328.991, abs=1e-3)
     assert form_diameter(mesh.wheel) == pytest.approx(1341.487, abs=1e-3)
-    inner, outer = planetary_meshes()
+    inner, outer = build_planetary_meshes()
     assert form_diameter(inner.pinion) == pytest.approx(825.979, abs=1e-3)
     # Half a unit of the fourth digit of the shift moves the flank by 4 um.
     assert form_diameter(outer.pinion) == pytest.approx(748.795, abs=5e-3)
@@ -133,7 +133,7 @@ def test_stiffness_after_iso_6336_matches_published_values():
     assert result.blank_factor == pytest.approx(0.898, abs=5e-4)
     assert (result.single, result.mean) == pytest.approx((13.832, 18.632), abs=5e-4)
     printed = (12.362, 13.426), (13.289, 16.063)
-    for mesh, (single, mean) in zip(planetary_meshes(), printed, strict=True):
+    for mesh, (single, mean) in zip(build_planetary_meshes(), printed, strict=True):
         result = iso_stiffness(mesh)
         assert result.single * BLANK == pytest.approx(single, abs=5e-4)
         # The contact ratio follows from rounded shifts.
@@ -157,7 +157,7 @@ def test_the_dynamic_factor_ignores_relief_from_accuracy_class_6_on():
 def test_masses_match_published_values():
     """Compare reduced masses, kg/mm, of a pair, a sun with three planets and a planet in a ring."""
     assert third_stage().reduced_mass / 360.0 == pytest.approx(0.36503, abs=1e-5)
-    mesh, _ = planetary_meshes()
+    mesh, _ = build_planetary_meshes()
     sun, planet = (gear.inertia / 491.0 for gear in (mesh.pinion, mesh.wheel))
     radii = [gear.base_diameter / 2.0 for gear in (mesh.pinion, mesh.wheel)]
     both = sun * planet / (3.0 * planet * radii[0] ** 2 + sun * radii[1] ** 2)

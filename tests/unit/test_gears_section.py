@@ -202,7 +202,7 @@ def test_the_harris_map_shows_the_relief_of_the_gears_without_pitch_errors(helix
     torque_factors = [0.5, 1.0]
     dataset = harris_map(gears | {"torque": torque}, torque_factors, "iso", phase_count)
     assert dataset.relief.values.tolist() == ["none", "own", "short", "long"]
-    stage = geometry.stage({"pinion": gear, "wheel": gear | {"tip_relief": relief}})
+    stage = geometry.build_stage({"pinion": gear, "wheel": gear | {"tip_relief": relief}})
     curve = stage.transmission_error(torque, phases=phase_count, stiffness="iso")
     own_relief = dataset.sel(relief="own")
     np.testing.assert_array_equal(own_relief.transmission_error[1], curve.transmission_error[0])

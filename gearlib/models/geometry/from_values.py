@@ -16,7 +16,7 @@ _COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material"
 RACK_FIELDS = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": "tip_radius"}
 
 
-def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -> SpurGear:
+def build_gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -> SpurGear:
     """Build and return a `SpurGear` from a dict of its fields in SI units.
 
     Material, web and tip relief are dicts of their fields; `rack` is a letter of ISO 53, "A" to
@@ -48,7 +48,7 @@ def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -
         return SpurGear(**(default_fields | fields))
 
 
-def stage(values: dict) -> GearStage:
+def build_stage(values: dict) -> GearStage:
     """Build and return a `GearStage`, two gears in mesh, from a dict.
 
     Its keys `pinion` and `wheel` are dicts of the fields of the gears; the wheel takes missing
@@ -56,9 +56,9 @@ def stage(values: dict) -> GearStage:
     `backlash`, in m, are optional. Other keys are ignored.
     """
     with checks.prefix_error_paths("pinion"):
-        pinion = gear(values["pinion"])
+        pinion = build_gear(values["pinion"])
     with checks.prefix_error_paths("wheel"):
-        wheel = gear(values["wheel"], mate_values=values["pinion"])
+        wheel = build_gear(values["wheel"], mate_values=values["pinion"])
     return GearStage(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
 
 
@@ -76,7 +76,7 @@ class PlanetaryMeshes(NamedTuple):
     positions: tuple  #: angles of the planets, rad
 
 
-def planetary_meshes(
+def build_planetary_meshes(
     sun, planet, ring, *, planets=3, positions=None, centre_distance=None, backlashes=None
 ) -> PlanetaryMeshes:
     """Return the two meshes and the planet angles of a planetary set, a `PlanetaryMeshes`.
@@ -100,7 +100,7 @@ def planetary_meshes(
         raise
     tooth_sum = sun.teeth + ring.teeth
     if positions is None:
-        positions = equal_positions(sun.teeth, ring.teeth, planets)
+        positions = equally_spaced_positions(sun.teeth, ring.teeth, planets)
     angles = tuple(checks.check_sequence("positions", positions, planets))
     for i, angle in enumerate(angles):
         # The planet fits if it is a whole number of these pitches away from the first planet.
@@ -115,7 +115,7 @@ def planetary_meshes(
     return PlanetaryMeshes(sun_mesh, ring_mesh, angles)
 
 
-def equal_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
+def equally_spaced_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
     """Return the angles in rad of `count` equally spaced planets, the first of which is 0.
 
     `sun_teeth` and `ring_teeth` are tooth numbers. Raises ValueError unless `count` divides their

@@ -127,7 +127,7 @@ SHAPES = {"linear": 1, "parabolic": 2}
 Shape = Annotated[Literal["linear", "parabolic"], CHOICE]
 
 
-def gap_of_relief(tip_distance, amount, length, shape: str) -> "np.ndarray":
+def tip_relief_gap(tip_distance, amount, length, shape: str) -> "np.ndarray":
     """Return the gap between the flanks that a tip relief, material removed at the tip, leaves, m.
 
     `tip_distance` is the distance from the end of contact at the tip along the path of contact,
@@ -159,7 +159,7 @@ class TipRelief:
         The relief removes material from the flank near the tip. Distances are measured along the
         path of contact, from its end at the tip of this gear.
         """
-        return gap_of_relief(tip_distance, self.amount, self.length, self.shape)
+        return tip_relief_gap(tip_distance, self.amount, self.length, self.shape)
 
 
 @declared(kw_only=False)

@@ -93,7 +93,7 @@ class GearStage:
         base_diameter_sum = self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)
         min_distance = abs(base_diameter_sum) / 2.0
         if self.centre_distance is None:
-            distance = min_distance / math.cos(self._nominal_angle())
+            distance = min_distance / math.cos(self._zero_backlash_angle())
             object.__setattr__(self, "centre_distance", distance)
         allowed = f"finite and > {min_distance:.6g} m, where the base circles would have no line of"
         allowed += " action"
@@ -167,7 +167,7 @@ class GearStage:
             ratio = float(f"{self.contact_ratio:.4f}")
             raise checks.InputError("contact_ratio", ratio, f"{minimum}; {advice}")
 
-    def _nominal_angle(self) -> float:
+    def _zero_backlash_angle(self) -> float:
         """Return the working pressure angle alpha_wt at which there is no backlash, rad.
 
         inv(alpha_wt) = inv(alpha_t) + 2 tan(alpha_n) (x_1 + x_2) / (z_1 + z_2), ISO 21771, with the
@@ -216,7 +216,7 @@ class GearStage:
             checks.require(clearance >= 0.0, field, gear.tip_diameter, allowed)
         if wheel.internal:
             checks.require(
-                self._tips_clear_each_other(),
+                self._has_tip_clearance(),
                 "wheel.teeth",
                 wheel.teeth,
                 f"larger by more than {wheel.teeth - pinion.teeth} than pinion.teeth, or the "
@@ -242,7 +242,7 @@ class GearStage:
         pinion, wheel = self.pinion, self.wheel
         return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
 
-    def _tips_clear_each_other(self) -> bool:
+    def _has_tip_clearance(self) -> bool:
         """Return whether the tips of a pinion and its ring gear clear each other.
 
         They could strike each other (tip interference) where their tip circles cross. The angles
@@ -523,14 +523,14 @@ class GearStage:
         out of range.
         """
         load_argument = ("torque", torque, "N m") if power is None else ("power", power, "W")
-        torque = torque_of(torque, power, speed)
+        torque = resolve_torque(torque, power, speed)
         parameters = {
             **self._mesh_parameters(torque=torque, **options),
             "reduced_mass": self.reduced_mass,
             "load": self.load(torque),
             "teeth": self.pinion.teeth,
         }
-        mean_stiffness = self._checked_mean_stiffness(torque, parameters, *load_argument)
+        mean_stiffness = self._compute_mean_stiffness(torque, parameters, *load_argument)
         if speed is not None:
             frequency = math.sqrt(mean_stiffness / self.reduced_mass)
             checks.check_speed("speed", speed, frequency * 60.0 / (math.tau * self.pinion.teeth))
@@ -565,7 +565,7 @@ class GearStage:
             raise checks.InputError("torque", problem=problem)
         if with_teeth:
             # Imported here, because the checks of the geometry need no numpy.
-            from gearlib.models.geometry.transmission_error import loaded_error
+            from gearlib.models.geometry.transmission_error import transmission_error_harmonics
 
             method = self.tooth_stiffness if stiffness is None else stiffness
             stiffness = checks.check_choice("stiffness", method, ("energy", "iso"))
@@ -579,7 +579,7 @@ class GearStage:
         )
         if torque is not None:
             load_argument = load_argument or ("torque", torque, "N m")
-            mean_stiffness = self._checked_mean_stiffness(torque, parameters, *load_argument)
+            mean_stiffness = self._compute_mean_stiffness(torque, parameters, *load_argument)
         if with_teeth:
             options = options or {}
             pair_options = {name: options[name] for name in PAIR_OPTIONS if name in options}
@@ -587,7 +587,9 @@ class GearStage:
             parameters |= {
                 "max_stiffness": mean_stiffness,
                 "stiffness_ratio": 1.0,
-                "transmission_error": loaded_error(self, load, stiffness=stiffness, **pair_options),
+                "transmission_error": transmission_error_harmonics(
+                    self, load, stiffness=stiffness, **pair_options
+                ),
             }
         angle = self.working_pressure_angle
         thicknesses = []  # tooth thicknesses over the pitch, on the working circles
@@ -643,19 +645,19 @@ class GearStage:
             raise checks.InputError(name, problem=f"{problem}: it must be one of them")
         mass, damping = self.reduced_mass, None
         for name, value in dampings.items():
-            damping = checked_damping(name, value, mean_stiffness, mass)
+            damping = resolve_damping(name, value, mean_stiffness, mass)
         return {
             "max_stiffness": max_stiffness,
             "stiffness_ratio": kappa,
             "contact_ratio": epsilon,
             "backlash": self.line_backlash,
             "material_damping": damping,
-            "backlash_damping": checked_damping(
+            "backlash_damping": resolve_damping(
                 "backlash_damping_ratio", backlash_damping_ratio, mean_stiffness, mass
             ),
         }
 
-    def _checked_mean_stiffness(self, torque, parameters, name, value, unit) -> float:
+    def _compute_mean_stiffness(self, torque, parameters, name, value, unit) -> float:
         """Return the mean stiffness in N/m, or raise ValueError if the load deflects teeth too far.
 
         `torque` is the pinion torque in N m, and `parameters` is a dict with the max_stiffness,
@@ -690,7 +692,7 @@ def six_degree_parameters(stage: GearStage) -> dict[str, Any]:
     }
 
 
-def checked_damping(name: str, value: float, stiffness: float, mass: float) -> float:
+def resolve_damping(name: str, value: float, stiffness: float, mass: float) -> float:
     """Return the damping coefficient in N s/m that a damping parameter gives an oscillator.
 
     `name` says what `value` is: "material_damping" and "backlash_damping" are coefficients in N
@@ -716,7 +718,7 @@ def damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> 
 
 
 @checked
-def torque_of(torque: DrivingTorque | None, power: Power | None, speed: Speed | None) -> float:
+def resolve_torque(torque: DrivingTorque | None, power: Power | None, speed: Speed | None) -> float:
     """Return the torque of the pinion in N m, given directly or by power in W and speed in rpm.
 
     Raises ValueError unless exactly one of torque and power is given, the power with the speed.

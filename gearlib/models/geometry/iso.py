@@ -85,10 +85,10 @@ def iso_stiffness(
     ratio = checks.check_gear_stage(stage).contact_ratio  # of the transverse section
     allowed = ">= 1 for the mesh stiffness of ISO 6336-1; the energy method has no limit"
     checks.require(ratio >= 1.0, "contact_ratio", float(f"{ratio:.4f}"), allowed)
-    return _iso_stiffness(stage, torque, application_factor)
+    return _compute_iso_stiffness(stage, torque, application_factor)
 
 
-def _iso_stiffness(
+def _compute_iso_stiffness(
     stage: "GearStage", torque: float | None = None, application_factor: float = 1.0
 ) -> IsoStiffness:
     """Return the mesh stiffness after ISO 6336-1 without checking the contact ratio.
@@ -131,7 +131,7 @@ def pair_stiffness(stage: "GearStage", **options: float | None) -> float:
     They matter only at low loads, at which the stiffness falls with the load.
     """
     # N/(mm um) is 1e9 N/m per m of face width.
-    return _iso_stiffness(stage, **options).single * 1e9 * stage.width
+    return _compute_iso_stiffness(stage, **options).single * 1e9 * stage.width
 
 
 def iso_rectangle(stage: "GearStage", **options: float | None) -> tuple[float, float, float]:

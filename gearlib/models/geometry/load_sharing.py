@@ -34,7 +34,7 @@ from gearlib.models.geometry.gear import PathTable, inv
 from gearlib.models.geometry.iso import pair_stiffness
 from gearlib.models.geometry.mesh_stiffness import (
     PairCompliance,
-    compliance_matrix,
+    compliance_matrices,
 )
 from gearlib.parameters import Fraction, Numbers, check, checked
 
@@ -82,7 +82,7 @@ class ToothPairs:
     gap: np.ndarray  #: gap g, m, shape (m, k)
     smallest_gap: np.ndarray  #: smallest gap of all pairs, mean over the face, m, shape (m,)
 
-    def at_phases(self, phase_indices: np.ndarray) -> "ToothPairs":
+    def select_phases(self, phase_indices: np.ndarray) -> "ToothPairs":
         """Return the pairs of teeth at j of the phases, given by their indices, shape (j,)."""
         arrays = [getattr(self, field.name)[phase_indices] for field in fields(self)]
         return ToothPairs(*arrays)
@@ -99,7 +99,7 @@ class ToothPairs:
         gap = self.gap[phase_indices][:, pair_indices, None]
         return inverse.sum(-1), (inverse @ gap)[..., 0]
 
-    def forces_under_loads(self, loads: ArrayLike) -> LoadSharing:
+    def solve_for_loads(self, loads: ArrayLike) -> LoadSharing:
         """Return the `LoadSharing`, equilibrium of all pairs of teeth at each phase, under n loads.
 
         The `loads`, shape (n,), are in N and >= 0.
@@ -112,7 +112,7 @@ class ToothPairs:
 
         return self._solve_contact(displacements, load_count=len(loads), min_touching_pairs=1)
 
-    def forces_at_displacement(self, displacement: np.ndarray) -> LoadSharing:
+    def solve_for_displacement(self, displacement: np.ndarray) -> LoadSharing:
         """Return the forces of all pairs of teeth at a given displacement, as a `LoadSharing`.
 
         `displacement`, shape (m,), is in m, one value for each phase. The axis of the loads in the
@@ -192,17 +192,17 @@ def tooth_pairs(stage, phases, *, pitch_errors=None, **options) -> ToothPairs:
 
     The first is mesh phase 0, and `phases` is the number of phases in each mesh period. There are
     as many mesh periods as `pitch_errors`, in m, by default the errors of the stage. `options` are
-    those of `pairs_at`, such as the stiffness method.
+    those of `tooth_pairs_at`, such as the stiffness method.
     """
     # The mesh phase is 0 in the middle of the segment with the most pairs.
     start = (stage.contact_ratio - math.floor(stage.contact_ratio)) / 2.0
-    pitch_errors = checked_errors(stage, pitch_errors)
+    pitch_errors = check_pitch_errors(stage, pitch_errors)
     pitches = start + np.arange(pitch_errors.size * phases) / phases
-    return pairs_at(stage, pitches, pitch_errors=pitch_errors, **options)
+    return tooth_pairs_at(stage, pitches, pitch_errors=pitch_errors, **options)
 
 
 class Options(NamedTuple):
-    """Options of `pairs_at`; `GearStage.transmission_error` describes the first five."""
+    """Options of `tooth_pairs_at`; `GearStage.transmission_error` describes the first five."""
 
     stiffness: Any = "energy"
     coupling: float | None = None
@@ -214,7 +214,7 @@ class Options(NamedTuple):
     intervals: int | None = None  #: equal intervals of a base pitch, see `FaceSlices`
 
 
-def pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **options) -> ToothPairs:
+def tooth_pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **options) -> ToothPairs:
     """Return the k pairs of teeth in mesh at m phases, with their gaps and compliances.
 
     `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
@@ -227,11 +227,11 @@ def pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **options) 
     )
     is_valid = isinstance(deviation, PathTable | None)
     checks.require(is_valid, "deviation", deviation, "a PathTable")
-    errors, is_spur = checked_errors(stage, pitch_errors), stage.overlap_ratio == 0.0
+    errors, is_spur = check_pitch_errors(stage, pitch_errors), stage.overlap_ratio == 0.0
     allowed = "0, because without a load only spur gears have load sharing along the path"
     checks.require(is_spur or load is not None, "helix_angle", stage.pinion.helix_angle, allowed)
     entry_length, exit_length = corner_contact_lengths(stage, corners, load, errors)
-    face = face_slices(stage, errors.size, intervals)
+    face = divide_face(stage, errors.size, intervals)
     selection_pitches = pitches if selection_pitches is None else selection_pitches
     last_pair = np.floor(selection_pitches + entry_length + face.half_overlap)
     mesh_length = entry_length + stage.contact_ratio + exit_length + 2.0 * face.half_overlap
@@ -276,7 +276,7 @@ def pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **options) 
     if is_spur:
         return ToothPairs(pitches, position, in_mesh, compliance, gap, smallest_gap)
     mean_position = position.reshape(-1, slice_count, count).mean(axis=1)
-    force, pair_stiffness, x = _face_equilibrium(
+    force, pair_stiffness, x = _solve_face_equilibrium(
         face.width_fractions, compliance, in_mesh, gap, load
     )
     can_touch = force > 0.0 if can_touch is None else can_touch
@@ -298,7 +298,7 @@ class FaceSlices(NamedTuple):
     half_overlap: float  #: base pitches by which a pair meshes before the middle of its face
 
 
-def face_slices(stage: "GearStage", periods: int, intervals: int | None = None) -> FaceSlices:
+def divide_face(stage: "GearStage", periods: int, intervals: int | None = None) -> FaceSlices:
     """Divide the face of a gear stage into transverse slices, and return them as `FaceSlices`.
 
     A spur gear has one slice. `periods` is the number of mesh periods to be computed. If there are
@@ -326,7 +326,7 @@ def face_slices(stage: "GearStage", periods: int, intervals: int | None = None) 
     return FaceSlices(width_fractions, delays, intervals, half_overlap)
 
 
-def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
+def _solve_face_equilibrium(width_fractions, compliance, can_touch, gap, load):
     """Return forces and stiffnesses, (m, k), and displacements, (m,), of a helical mesh.
 
     The face is divided into n slices, whose widths over the face width are `width_fractions`, (n,).
@@ -395,12 +395,12 @@ def corner_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
     """
     start, end = stage.path
     max_distance = _MAX_CORNER_DISTANCE * stage.base_pitch
-    entering = _gap_to_corner(stage, "pinion", np.clip(position, start - max_distance, start))
-    leaving = _gap_to_corner(stage, "wheel", np.clip(position, end, end + max_distance))
+    entering = _tip_corner_gap(stage, "pinion", np.clip(position, start - max_distance, start))
+    leaving = _tip_corner_gap(stage, "wheel", np.clip(position, end, end + max_distance))
     return np.where(position < start, entering, 0.0) + np.where(position > end, leaving, 0.0)
 
 
-def _gap_to_corner(stage: "GearStage", flank_name: str, position: np.ndarray) -> np.ndarray:
+def _tip_corner_gap(stage: "GearStage", flank_name: str, position: np.ndarray) -> np.ndarray:
     """Return the gap in m between the flank of a gear and the tip corner of its mating gear.
 
     `flank_name` is "pinion" or "wheel", the gear with the flank. `position`, in m, is the point on
@@ -431,7 +431,7 @@ def _gap_to_corner(stage: "GearStage", flank_name: str, position: np.ndarray) ->
     return flank_gear.sign * base_radius * gap_angle
 
 
-def checked_errors(stage: "GearStage", pitch_errors: ArrayLike | None = None) -> np.ndarray:
+def check_pitch_errors(stage: "GearStage", pitch_errors: ArrayLike | None = None) -> np.ndarray:
     """Return the checked pitch errors in m, shape (n,), by default those of the stage.
 
     They are the gaps of n successive pairs of teeth, which repeat.
@@ -484,7 +484,7 @@ def _compliance(
     )
     if stiffness == "energy":
         pair = PairCompliance(stage, twist=twist)
-        return compliance_matrix(pair, position, np.ones(position.shape), coupling)
+        return compliance_matrices(pair, position, np.ones(position.shape), coupling)
     # If n pairs share a body with the compliance 1 / ((1 + 3 n) c'), they have the stiffness
     # (0.25 + 0.75 n) c' as in ISO 6336, where c' is the stiffness of one pair.
     pair_compliance = 1.0 / pair_stiffness(stage)

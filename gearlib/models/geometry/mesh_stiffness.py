@@ -354,7 +354,7 @@ class PairCompliance:
         return contact_compliance
 
 
-def compliance_matrix(pair, positions, forces, coupling=None) -> np.ndarray:
+def compliance_matrices(pair, positions, forces, coupling=None) -> np.ndarray:
     """Return the compliance matrices Q of k pairs of teeth at n phases, (n, k, k), m/N.
 
     `pair` is a `PairCompliance`, which gives the compliances of teeth, contact and gear bodies.
@@ -410,7 +410,7 @@ def energy_stiffness(
     # Only the logarithmic contact depends on how the pairs share the load.
     iterations = _LOAD_ITERATIONS if hertz == "logarithmic" else 1
     for _ in range(iterations):
-        compliance = compliance_matrix(pair, positions, forces, coupling)
+        compliance = compliance_matrices(pair, positions, forces, coupling)
         pair_stiffness = np.linalg.solve(compliance, np.ones((*positions.shape, 1)))[..., 0]
         mesh_stiffness = pair_stiffness.sum(axis=1)
         # The logarithmic contact needs a positive force, even for a pair that would pull.
@@ -492,7 +492,7 @@ def mesh_stiffness(
     checks.check_gear_stage(stage)
     if isinstance(method, Tabulated):
         checks.check_parameter_names("table", options, ("torque",))
-        return _stiffness_of_table("table", method)
+        return _make_table_stiffness("table", method)
     if not checks.is_one_of(method, ("iso", "energy")):
         raise checks.InputError("stiffness", method, "'iso', 'energy' or a Tabulated")
     fewer_pairs = math.floor(stage.contact_ratio)
@@ -509,15 +509,15 @@ def mesh_stiffness(
     checks.check_parameter_names(
         "stiffness 'energy'", options, ("torque", "coupling", "hertz", "twist")
     )
-    curve, means = _energy_curve(stage, fewer_pairs, segment, samples, options)
+    curve, means = _compute_energy_curve(stage, fewer_pairs, segment, samples, options)
     if stage.overlap_ratio > 0.0:
         table = curve.face_average(stage.overlap_ratio).table(segment)
-        return _stiffness_of_table(method, table)
+        return _make_table_stiffness(method, table)
     profile = curve.table(segment)
     return MeshStiffness(method, means[0], means[1] / means[0], 1.0 + segment, profile)
 
 
-def _energy_curve(stage, fewer_pairs, segment, samples, options):
+def _compute_energy_curve(stage, fewer_pairs, segment, samples, options):
     """Return the mesh stiffness by the energy method as a curve, and its mean in each segment.
 
     The curve is a `_StiffnessCurve` over one base pitch. Its first segment, from 0 to `segment`
@@ -537,7 +537,7 @@ def _energy_curve(stage, fewer_pairs, segment, samples, options):
     return _StiffnessCurve(np.concatenate(pitches), np.concatenate(stiffnesses)), means
 
 
-def _stiffness_of_table(method: str, table: Tabulated) -> MeshStiffness:
+def _make_table_stiffness(method: str, table: Tabulated) -> MeshStiffness:
     """Return the `MeshStiffness` given by a table, with its equivalent rectangle.
 
     The rectangle has the extrema and the mean of the table. `method` is the name of the method that

@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike
 from gearlib import checks
 from gearlib.data.motions import as_float_array
 from gearlib.data.variables import add_metadata
-from gearlib.models.geometry.gear import Shape, TipRelief, gap_of_relief
+from gearlib.models.geometry.gear import Shape, TipRelief, tip_relief_gap
 from gearlib.models.geometry.iso import pair_stiffness
 from gearlib.models.geometry.load_sharing import (
     MIN_SLICES,
     LoadSharing,
     ToothPairs,
-    checked_errors,
+    check_pitch_errors,
     tooth_pairs,
 )
 from gearlib.models.harmonics import Harmonics
@@ -77,9 +77,9 @@ def transmission_error(
     is_spur = stage.overlap_ratio == 0.0
     if is_spur:
         pairs = tooth_pairs(stage, phases, **options)
-        equilibrium = pairs.forces_under_loads(loads)
+        equilibrium = pairs.solve_for_loads(loads)
     else:
-        pairs, equilibrium = _helical_equilibrium(stage, phases, loads, options)
+        pairs, equilibrium = _solve_helical_equilibrium(stage, phases, loads, options)
     # Without a load the forces are rounding errors, and load shares are undefined.
     load_share = np.full_like(equilibrium.force, math.nan)
     total_forces = loads[:, None, None]
@@ -97,7 +97,7 @@ def transmission_error(
     if is_spur:
         data["path_position"] = pair_dims, np.where(pairs.can_touch, pairs.position, math.nan)
         data["gap"] = pair_dims, np.where(pairs.can_touch, pairs.gap, math.nan)
-        contact_ratios = _contact_ratios(stage, pairs, equilibrium, phases)
+        contact_ratios = _effective_contact_ratios(stage, pairs, equilibrium, phases)
     else:
         contact_ratios = equilibrium.touching.sum(-1).mean(-1)
     data["effective_contact_ratio"] = "torque", contact_ratios
@@ -107,7 +107,7 @@ def transmission_error(
     return add_metadata(xr.Dataset(data, coords, {"title": title}))
 
 
-def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:
+def transmission_error_harmonics(stage: "GearStage", load: float, **options: Any) -> Harmonics:
     """Return the harmonics of the transmission error under a load in N, without its mean, in m.
 
     They are harmonics of the mesh phase and hold as long as the pinion drives. Tip corners touch
@@ -117,7 +117,7 @@ def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:
     pairs = tooth_pairs(
         stage, _ERROR_PHASES, pitch_errors=(0.0,), corners=True, load=load, **options
     )
-    (error,) = pairs.forces_under_loads([load]).displacement
+    (error,) = pairs.solve_for_loads([load]).displacement
     phase = math.tau * np.arange(_ERROR_PHASES) / _ERROR_PHASES
     harmonics = Harmonics.from_table(phase, error, _ERROR_HARMONICS)
     # Leave out the harmonics behind the last that matters.
@@ -127,15 +127,15 @@ def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:
     return Harmonics(harmonics.cosines[:count], harmonics.sines[:count])
 
 
-def _helical_equilibrium(stage, phases, loads, options) -> tuple[ToothPairs, LoadSharing]:
+def _solve_helical_equilibrium(stage, phases, loads, options) -> tuple[ToothPairs, LoadSharing]:
     """Return the pairs of teeth of helical gears at the first load, and the equilibrium at all.
 
     They are a `ToothPairs` and a `LoadSharing`. `phases` is the number of phases per mesh period,
-    `loads`, shape (n,), is in N, and `options` is a dict of options of `pairs_at`, such as
+    `loads`, shape (n,), is in N, and `options` is a dict of options of `tooth_pairs_at`, such as
     pitch_errors. A load of 0 is replaced by a load too light to deflect the teeth, at which the
     slices of the face can be linearized.
     """
-    period_count = checked_errors(stage, options.get("pitch_errors")).size  # one error a period
+    period_count = check_pitch_errors(stage, options.get("pitch_errors")).size  # one error a period
     max_slices = _MAX_SLICES_AT_PHASES / period_count
     max_phases = min(max_slices / MIN_SLICES, math.sqrt(max_slices / stage.overlap_ratio))
     allowed = f"at most {max_phases:.0f}, where the faces of helical gears are divided into slices"
@@ -146,13 +146,13 @@ def _helical_equilibrium(stage, phases, loads, options) -> tuple[ToothPairs, Loa
     for load in loads:
         pairs = tooth_pairs(stage, phases, load=max(load, light_load), **settings)
         pairs_at_loads.append(pairs)
-        equilibria.append(pairs.forces_under_loads([load]))
+        equilibria.append(pairs.solve_for_loads([load]))
     # Concatenate the fields of the equilibria along the axis of the loads.
     arrays = [[getattr(item, field.name) for item in equilibria] for field in fields(LoadSharing)]
     return pairs_at_loads[0], LoadSharing(*map(np.concatenate, arrays))
 
 
-def _contact_ratios(stage, pairs, equilibrium, phases) -> list[float]:
+def _effective_contact_ratios(stage, pairs, equilibrium, phases) -> list[float]:
     """Return the effective contact ratio, the mean number of touching pairs, at each load.
 
     `pairs` are the `ToothPairs`, k pairs of teeth of spur gears at equally spaced phases, `phases`
@@ -248,7 +248,9 @@ def optimum_relief(
     gears = (stage.pinion, stage.wheel)
     max_amounts = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in gears]
     if stage.overlap_ratio > 0.0:
-        return _optimum_of_helical(stage, torque, fixed_length, shape, max_amounts, phases, options)
+        return _optimize_helical_relief(
+            stage, torque, fixed_length, shape, max_amounts, phases, options
+        )
     pairs = tooth_pairs(stage, phases, **options)
     # Deflections of single pairs under the load at the end and at the start of contact.
     compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
@@ -284,16 +286,16 @@ def optimum_relief(
         tip_distances = stage.path[1] - pairs.position, pairs.position - stage.path[0]
         gap = pairs.gap
         for tip_distance, amount in zip(tip_distances, amounts, strict=True):
-            gap = gap + gap_of_relief(tip_distance, amount, length, shape)
+            gap = gap + tip_relief_gap(tip_distance, amount, length, shape)
         # All points are solved at once: the phases are repeated for each point.
-        repeated = pairs.at_phases(np.tile(np.arange(len(pairs.gap)), len(points)))
+        repeated = pairs.select_phases(np.tile(np.arange(len(pairs.gap)), len(points)))
         repeated = replace(repeated, gap=gap.reshape(repeated.gap.shape))
-        displacement = repeated.forces_under_loads([load]).displacement
+        displacement = repeated.solve_for_loads([load]).displacement
         return displacement.reshape(len(points), -1) / sum(deflections)
 
     def pairs_at_most(count):
         """Return the `ToothPairs` at about `count` equally spaced phases or fewer."""
-        return pairs.at_phases(np.arange(0, len(pairs.gap), math.ceil(len(pairs.gap) / count)))
+        return pairs.select_phases(np.arange(0, len(pairs.gap), math.ceil(len(pairs.gap) / count)))
 
     is_free = fixed_length is None
     length = (long_length if is_free else fixed_length) / max_length
@@ -318,11 +320,16 @@ def optimum_relief(
             """Return the peak-to-peak error of one point of the variables."""
             return float(np.ptp(errors([variables], fine_pairs)))
 
-        minima = [_descend(range_of_error, points[index], bounds) for index in start_indices]
+        minima = [
+            _minimize_nelder_mead(range_of_error, points[index], bounds) for index in start_indices
+        ]
         minimum = min(minima, key=range_of_error)
         # The valley has a minimum wherever the reliefs begin at one of the phases.
         shifted = [minimum + [0.0, 0.0, shift] for shift in _SHIFTS * is_free]
-        minima = [minimum, *(_descend(range_of_error, start, bounds) for start in shifted)]
+        minima = [
+            minimum,
+            *(_minimize_nelder_mead(range_of_error, start, bounds) for start in shifted),
+        ]
         minimum = min(minima, key=range_of_error)
         # Where single contact alone decides, many reliefs are equally good. The relief near that
         # of Harris, which comes first, is taken.
@@ -335,7 +342,7 @@ def optimum_relief(
     return stage.with_reliefs(*(TipRelief(amount=a, length=length, shape=shape) for a in amounts))
 
 
-def _optimum_of_helical(
+def _optimize_helical_relief(
     stage: "GearStage",
     torque: float,
     fixed_length,
@@ -380,10 +387,10 @@ def _optimum_of_helical(
         points.append((amount, amount, *length))
     start = min(points, key=relative_error)
     bounds = [(0.0, _MAX_AMOUNT)] * 2 + [(_MIN_LENGTH, 1.0)] * len(lengths[0])
-    return relieved_stage(np.round(_descend(relative_error, start, bounds), _DECIMALS))
+    return relieved_stage(np.round(_minimize_nelder_mead(relative_error, start, bounds), _DECIMALS))
 
 
-def _descend(function, start, bounds) -> np.ndarray:
+def _minimize_nelder_mead(function, start, bounds) -> np.ndarray:
     """Return the variables that minimize a function, by the method of Nelder and Mead.
 
     `function` takes the variables and returns a float, `start` is where the descent begins, and

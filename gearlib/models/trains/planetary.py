@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
-from gearlib.models.geometry.from_values import equal_positions, planetary_meshes
+from gearlib.models.geometry.from_values import build_planetary_meshes, equally_spaced_positions
 from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.ready_made import (
@@ -160,7 +160,9 @@ def planetary(
     n = planets
     sun_teeth, ring_teeth = teeth
     planet_teeth = _planet_teeth(teeth, planet_teeth)
-    positions = equal_positions(sun_teeth, ring_teeth, n) if positions is None else positions
+    positions = (
+        equally_spaced_positions(sun_teeth, ring_teeth, n) if positions is None else positions
+    )
     positions = checks.check_sequence("positions", positions, n)
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
     errors = checks.check_sequence("pin_errors", pin_errors, n)
@@ -436,7 +438,7 @@ def planetary_set(
         If gears do not mesh, planets cannot be assembled or strike each other, or a value is
         impossible.
     """
-    set_meshes = planetary_meshes(
+    set_meshes = build_planetary_meshes(
         sun,
         planet,
         ring,
