@@ -1,13 +1,13 @@
-"""Attractors: candidates among final states, refined by shooting, with their trapping ellipses.
+"""Periodic attractors, found from final states by shooting, and their trapping ellipses.
 
 Every point of a stable periodic orbit lies in a *trapping ellipse* that no sampled motion leaves.
 The ellipses are level lines of a quadratic form that the linearised map contracts. Nested rings
 show how far from the orbit the nonlinear map also contracts it: the map takes 32 states of each
-ring (with more than two coordinates, 128 states of each ellipsoid, in random directions) into the
-next smaller one. If this held for all states of the rings, all states inside would converge to the
-orbit, at least with two coordinates, because the map is one-to-one and continuous; between the
-samples it is not proved. A run ends in a trapping ellipse, except in `gearlib.basins` with
-``stop_early=False``.
+ring (128 states of each ellipsoid in random directions, if there are more than two coordinates)
+into the next smaller ring. If this held for all states of the rings, all states inside would
+converge to the orbit, at least with two coordinates, because the map is one-to-one and continuous;
+between the samples this is not proved. A run stops in a trapping ellipse, except in
+`gearlib.basins` with ``stop_early=False``.
 """
 
 from dataclasses import dataclass, field
@@ -24,11 +24,12 @@ from gearlib.progress import TimeLimit
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")
 PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
 
-#: Longest period of an orbit in the search, in cycles.
+#: Longest period of the orbits that are searched for, in cycles.
 MAX_CYCLES = 32
-#: Shooting is tried if states one period apart are closer than this, relative to the motion's size.
+#: Shooting is tried if states one period apart differ by less than this, relative to the motion.
 _GUESS_TOLERANCE = 1e-2
-#: Points closer than this are equal, in static deflections (relative for larger motions).
+#: Points that differ by less than this are equal, in units of the static deflection (relative to
+#: larger motions).
 _SAME_POINT_TOLERANCE = 1e-6
 #: Orbits with multipliers closer to the unit circle than this are neither stable nor unstable.
 _MIN_DECAY = 1e-6
@@ -37,13 +38,13 @@ _CONTRACTION = 0.5
 #: Ratio of the radii of successive rings, and number of rings; the first ring is as large as the
 #: orbit.
 _RING_RATIO, _RING_COUNT = 0.7, 40
-#: Number of sampled directions of ellipses with two coordinates, and with more.
+#: Number of sampled directions with two coordinates, and with more.
 _PLANE_DIRECTIONS, _SPACE_DIRECTIONS = 32, 128
 
 
 @dataclass(frozen=True)
 class TrappingEllipses:
-    """Ellipses around the points of an orbit that no sampled motion leaves."""
+    """Ellipses around the points of an orbit, which no sampled motion leaves."""
 
     points: np.ndarray  #: shape (m, n), in the coordinates of `Stroboscope.reduce_and_scale`
     forms: np.ndarray  #: quadratic forms, shape (m, n, n)
@@ -52,9 +53,8 @@ class TrappingEllipses:
     def contain(self, scaled_states: np.ndarray) -> np.ndarray:
         """Return a mask, shape (k,), of the states that lie inside any of the ellipses.
 
-        `scaled_states`, shape (k, n), are states without rigid-body rotation, whose velocities are
-        multiplied by the tuning. Ellipse j is the set of x with (x - point_j)^T form_j
-        (x - point_j) <= radius_j^2.
+        `scaled_states`, shape (k, n), are results of `Stroboscope.reduce_and_scale`. Ellipse j is
+        the set of states x with (x - point_j)^T form_j (x - point_j) <= radius_j^2.
         """
         inside = np.zeros(len(scaled_states), bool)
         for point, form, radius in zip(self.points, self.forms, self.radii, strict=True):
@@ -66,7 +66,7 @@ class TrappingEllipses:
 
 @dataclass(frozen=True)
 class Attractor:
-    """A set to which motions converge: a periodic orbit, or a class of other motions."""
+    """A periodic orbit to which motions converge, or a class of aperiodic motions."""
 
     kind: int  #: index in `KINDS`
     displacement_max: float = np.nan
@@ -87,7 +87,7 @@ class Attractor:
     def sort_key(self) -> tuple:
         """Key that sorts attractors by kind, period and displacement range.
 
-        An unknown range (NaN), as of unbounded motions, comes last.
+        An unknown range (NaN), e.g. of unbounded motions, is sorted last.
         """
         displacement_range = self.displacement_max - self.displacement_min
         if not np.isfinite(displacement_range):
@@ -96,12 +96,11 @@ class Attractor:
 
 
 def find_attractors(stroboscope, states, known_attractors: list, time_limit: TimeLimit) -> list:
-    """Return the periodic attractors near given states that are not yet known.
+    """Find the periodic attractors near given states and return those that are not yet known.
 
-    `states`, shape (k, n), are all coordinates and velocities after a transient. `stroboscope` maps
-    them over whole cycles, the periods of the excitation. Each state is propagated over 64 more
-    cycles; if it nearly repeats, shooting refines the orbit. `known_attractors` are those found
-    before; the search ends when the time limit is over.
+    `states`, shape (k, n), are full states after a transient. The `stroboscope` propagates each
+    state over 64 more cycles (periods of the excitation); if it nearly repeats, shooting refines
+    the orbit. `known_attractors` were found before. The search stops at the time limit.
     """
     series = [states]
     for _ in range(2 * MAX_CYCLES):
@@ -113,39 +112,39 @@ def find_attractors(stroboscope, states, known_attractors: list, time_limit: Tim
     for k in time_limit.iterate(range(len(states))):
         if not np.isfinite(scaled_series[:, k]).all():
             continue
-        # The motion ends at an attractor that is already known.
+        # Skip a motion that has reached a known attractor.
         if any(attractor.ellipses.contain(scaled_series[:1, k])[0] for attractor in attractors):
             continue
         candidate = _find_attractor_near(stroboscope, series[0, k], scaled_series[:, k])
-        if candidate and not any(_are_same_orbit(candidate, other) for other in attractors):
+        if candidate and not any(_are_same_orbit(candidate, known) for known in attractors):
             attractors.append(candidate)
     return attractors[len(known_attractors) :]
 
 
 def _are_same_orbit(attractor: Any, other_attractor: Any) -> bool:
-    """Return whether two periodic attractors are the same orbit, whichever point comes first.
+    """Return whether two periodic attractors are the same orbit.
 
-    They are if one point of the other_attractor agrees with the attractor point of the attractor to
-    1e-6.
+    Their points may start anywhere on the orbit, so the first point of one attractor is compared
+    with all points of the other attractor.
     """
     points = attractor.ellipses.points
-    size = max(1.0, np.abs(points).max())
+    scale = max(1.0, np.abs(points).max())
     distances = np.abs(other_attractor.ellipses.points - points[0]).max(axis=1)
-    return bool((distances < _SAME_POINT_TOLERANCE * size).any())
+    return bool((distances < _SAME_POINT_TOLERANCE * scale).any())
 
 
 def _find_attractor_near(
     stroboscope, state: np.ndarray, scaled_series: np.ndarray
 ) -> Attractor | None:
-    """Return the periodic attractor near the `state` of a motion after its transient, or None.
+    """Find the periodic attractor near the `state` of a motion after its transient, or None.
 
-    `scaled_series`, shape (cycles, n), are earlier states of this motion one cycle (period of the
-    excitation) apart, latest first, with velocities scaled to displacements. If two states n cycles
-    apart nearly agree, shooting searches for an orbit of n cycles, which must be stable.
+    `scaled_series`, shape (cycles, n), are the scaled states of this motion one cycle (period of
+    the excitation) apart, latest first. If two states n cycles apart nearly agree, shooting
+    searches for an orbit of n cycles, which is returned if it is stable.
     """
-    size = max(1.0, np.ptp(scaled_series, axis=0).max())
+    scale = max(1.0, np.ptp(scaled_series, axis=0).max())
     for n in range(1, MAX_CYCLES + 1):
-        if np.abs(scaled_series[n] - scaled_series[0]).max() > _GUESS_TOLERANCE * size:
+        if np.abs(scaled_series[n] - scaled_series[0]).max() > _GUESS_TOLERANCE * scale:
             continue
         try:
             orbit = periodic_orbit(
@@ -161,13 +160,13 @@ def _find_attractor_near(
         if largest_multiplier < 1.0 - _MIN_DECAY:
             return _create_attractor(stroboscope, orbit)
         if largest_multiplier <= 1.0 + _MIN_DECAY:
-            # Without damping in contact neither this orbit nor neighbouring ones are attractors.
+            # Without damping in contact, neither this orbit nor its neighbours are attractors.
             return None
     return None
 
 
 def _create_attractor(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
-    """Return a stable periodic orbit as an `Attractor`, with its extrema and trapping ellipses.
+    """Create the `Attractor` of a stable periodic orbit, with its extrema and trapping ellipses.
 
     `stroboscope` maps states over whole cycles of the excitation. A trapping ellipse is a region
     around a point of the orbit that no sampled motion leaves.
@@ -192,73 +191,73 @@ def _create_attractor(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
 
 
 def _find_trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> TrappingEllipses:
-    """Return the largest ellipses around the points of an orbit that no sampled motion leaves.
+    """Find the largest ellipses around the points of an orbit that no sampled motion leaves.
 
-    `stroboscope` maps states over whole cycles (periods of the excitation), and `points` are the
-    states of the orbit one cycle apart, shape (m, n), with all coordinates and velocities. Around
-    each point lie nested rings, level lines of a quadratic form. The trapping ellipse is the
-    largest ring from which all sampled motions end inside the next smaller ring, as they do from
-    all rings inside it.
+    `stroboscope` maps states over whole cycles (periods of the excitation), and `points`, shape
+    (m, n), are full states of the orbit one cycle apart. Each point is surrounded by nested rings,
+    level lines of a quadratic form. The trapping ellipse is the largest ring for which all sampled
+    motions that start on it, or on any smaller ring, return inside the next smaller ring.
     """
     centres = stroboscope.reduce_and_scale(points)
-    size = max(1.0, np.abs(centres).max())
+    scale = max(1.0, np.abs(centres).max())
     forms, return_cycles = _lyapunov_functions(stroboscope.cycle_jacobians(points[0], len(points)))
-    radii = size * _RING_RATIO ** np.arange(_RING_COUNT)  # in decreasing order
-    count, n = centres.shape
+    radii = scale * _RING_RATIO ** np.arange(_RING_COUNT)  # in decreasing order
+    point_count, n = centres.shape
     directions = _unit_vectors(n)
-    # Matrices that map the unit sphere to the ellipse of radius 1.
+    # These matrices map the unit sphere to the ellipse of radius 1.
     ellipse_matrices = np.array([np.linalg.inv(np.linalg.cholesky(form).T) for form in forms])
-    # Shape (points, rings, directions, n).
+    # The offsets have the shape (points, rings, directions, n).
     offsets = np.einsum("jab,db->jda", ellipse_matrices, directions)[:, None] * radii[:, None, None]
-    # The weights scale velocities to displacements; `lift` is the matrix from states without
-    # rigid-body rotation to states with all coordinates.
+    # Remove the scaling of velocities; `lift` then maps the perturbations to full states.
     samples = (centres[:, None, None] + offsets).reshape(-1, n) / stroboscope.weights
     orbit_states = np.repeat(points, radii.size * len(directions), axis=0)
     perturbations = samples - stroboscope.reduce_and_scale(orbit_states) / stroboscope.weights
     final_states, _ = stroboscope(orbit_states + perturbations @ stroboscope.lift.T, return_cycles)
-    scaled_states = stroboscope.reduce_and_scale(final_states).reshape(count, radii.size, -1, n)
+    scaled_states = stroboscope.reduce_and_scale(final_states).reshape(
+        point_count, radii.size, -1, n
+    )
     final_offsets = scaled_states - centres[:, None, None]
-    # Indices: point j, ring r, direction d, coordinates a and b.
+    # The indices are point j, ring r, direction d, coordinates a and b.
     squared_radii = np.einsum("jrda,jab,jrdb->jrd", final_offsets, forms, final_offsets)
-    # The NaN of a failed run is not inside.
+    # A failed run gives NaN, which does not count as inside.
     is_inside = np.sqrt(squared_radii).max(axis=2) <= _RING_RATIO * radii
-    trapping_radii = np.empty(count)
-    for j in range(count):
+    trapping_radii = np.empty(point_count)
+    for j in range(point_count):
         failed_rings = np.flatnonzero(~is_inside[j])
         largest_trapping = failed_rings[-1] + 1 if failed_rings.size else 0
         if largest_trapping < radii.size:
             trapping_radii[j] = radii[largest_trapping]
         else:
-            # Inside the smallest ring rounding errors dominate: only the orbit itself remains.
-            trapping_radii[j] = _SAME_POINT_TOLERANCE * size
+            # Even the smallest ring fails, so the ellipse only contains the point itself.
+            trapping_radii[j] = _SAME_POINT_TOLERANCE * scale
     return TrappingEllipses(centres, forms, trapping_radii)
 
 
 def _lyapunov_functions(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return (quadratic Lyapunov functions at the points of a stable orbit, number of cycles).
+    """Compute quadratic Lyapunov functions x^T S x at the m points of a stable orbit.
 
     `cycle_maps`, shape (m, n, n), are the Jacobian matrices of the map over each of the m cycles of
-    the orbit. The functions x^T S x are given by symmetric matrices S, shape (m, n, n). After the
-    returned number of cycles, they are at most `_CONTRACTION`^2 = 1/4 of their initial values for
-    all small perturbations x.
+    the orbit. Return (symmetric matrices S, shape (m, n, n), number of cycles). After this number
+    of cycles, the functions have decreased to at most `_CONTRACTION`^2 = 1/4 of their initial
+    values for all small perturbations x.
     """
     count, n = cycle_maps.shape[:2]
     spectral_radius = np.abs(np.linalg.eigvals(compose(cycle_maps))).max()
     log_radius = np.log(max(spectral_radius, 1e-12))
-    # Repeat the orbit until its map contracts at least by `_CONTRACTION`, with a margin.
+    # The orbit is repeated until the spectral radius of its map is at most _CONTRACTION^2.
     orbit_repeats = max(1, int(np.ceil(2.0 * np.log(_CONTRACTION) / log_radius)))
     forms = np.empty((count, n, n))
     for j in range(count):
-        # The map over one period that starts at point j.
+        # This is the map over one period of the orbit from point j.
         orbit_map = compose(np.roll(cycle_maps, -j, axis=0))
         return_map = np.linalg.matrix_power(orbit_map, orbit_repeats)
-        # Solution S of A^T S A = _CONTRACTION^2 (S - I) with the return map A.
+        # S solves A^T S A = _CONTRACTION^2 (S - I) with the return map A.
         forms[j] = solve_discrete_lyapunov(return_map.T / _CONTRACTION, np.eye(n))
     return forms, orbit_repeats * count
 
 
 def _unit_vectors(n: int) -> np.ndarray:
-    """Return unit vectors of n coordinates as rows.
+    """Return unit vectors with n components as the rows of an array.
 
     For n = 2 they are 32 vectors at equal angles, otherwise 128 in random directions (fixed seed).
     """

@@ -1,4 +1,4 @@
-"""`basins`: attractors of a grid of initial states; `basin_stability`: their shares by tuning."""
+"""`basins`: attractors of a grid of initial states; `basin_stability`: basin sizes over tuning."""
 
 import math
 from typing import Annotated
@@ -28,8 +28,8 @@ from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Threads, Tuning, 
 _ATTRACTOR_VARIABLES = ("displacement_max", "displacement_min", "exponent", "uncertainty")
 #: CF flag attributes of the variable attractor_kind.
 KIND_FLAGS = flag_attributes(KINDS)
-#: Attractors at neighbouring tunings belong to a family if their extrema differ by less than this,
-#: relative to the displacement range or one static deflection, whichever is larger.
+#: Attractors at successive tunings belong to the same family if their extrema differ by less than
+#: this, relative to the displacement range or one static deflection, whichever is larger.
 _FAMILY_TOLERANCE = 0.25
 
 
@@ -46,14 +46,14 @@ def basins(
     threads: Threads = None,
     max_seconds: MaxSeconds = None,
 ):
-    """Find the attractors of a damped mesh and the basin of each on a grid of initial states.
+    """Find the attractors of a damped mesh and their basins on a grid of initial states.
 
     States are compared n cycles apart for n = 1, 2, ... (a cycle is one mesh period, or the period
     of the run-out), and candidates are refined by `gearlib.periodic_orbit`. All n points of a
-    period-n orbit are the same attractor, whichever of them a motion approaches. Each point lies in
-    a trapping ellipse that no sampled motion leaves; a run ends when it enters one of the ellipses.
-    Motions are sampled in 32 directions, or 128 with more than two coordinates, which proves
-    nothing for other directions. See `gearlib.analysis.global_dynamics.attractors`.
+    period-n orbit are one attractor. Each point lies in a trapping ellipse that no sampled motion
+    leaves, and a run stops when it enters one of the ellipses. Motions are sampled in 32
+    directions, or 128 with more than two coordinates; for other directions nothing is proved. See
+    `gearlib.analysis.global_dynamics.attractors`.
 
     Parameters
     ----------
@@ -65,13 +65,13 @@ def basins(
     tuning : float
         Ratio of mesh frequency to mean eigenfrequency, nu.
     grid : tuple
-        Initial displacements in static deflections, and dx/dtau, at tau = 0: each a tuple (first,
-        last, count) or an array of different values.
+        Initial displacements in units of the static deflection, and dx/dtau, at tau = 0: each a
+        tuple (first, last, count) or an array of distinct values.
     periods : int, default 500
-        Number of mesh periods of a run, rounded up to cycles; a motion that has not reached an
-        attractor by then is continued for as many again.
+        Number of mesh periods of a run, rounded up to whole cycles. If a motion has not reached an
+        attractor by then, it is continued over the same number of periods.
     stop_early : bool, default True
-        Whether a run ends in a trapping ellipse. If False, all periods are run, as a check.
+        Whether a run stops in a trapping ellipse. If False, all periods are simulated, as a check.
     seed : int, default 0
         Seed of the random choice of the states that are examined first.
     max_events : int
@@ -91,8 +91,8 @@ def basins(
         none), share of the grid and share_error, the standard error for as many random states;
         displacement_max and displacement_min (for aperiodic motions the extrema of a few samples
         over 256 periods); exponent, uncertainty (largest Lyapunov exponent per mesh period, for a
-        periodic orbit from its multipliers); state (attractor, point, coordinate), the successive
-        points of the orbit at the start of each cycle; multiplier_real, multiplier_imaginary;
+        periodic orbit from its multipliers); state (attractor, point, coordinate), the states of
+        the orbit at the start of each cycle; multiplier_real, multiplier_imaginary;
         contact_pattern, the sequence of contact states; grazing; trap_radius, the smallest radius
         of its trapping ellipses in static deflections. Missing values are NaN.
 
@@ -105,7 +105,7 @@ def basins(
 
     References
     ----------
-    Menck, Heitzig, Marwan, Kurths: Nature Physics 9 (2013) 89-92, for the shares.
+    Menck, Heitzig, Marwan, Kurths: Nature Physics 9 (2013) 89-92 (basin stability).
     """
     stroboscope = Stroboscope(model, tuning, max_events=max_events, threads=threads)
     require_damped_model(model)
@@ -144,9 +144,9 @@ def basins(
 def _attractor_variables(attractors: list[Attractor]) -> dict:
     """Return the properties of attractors as dataset variables {name: (dims, values)}.
 
-    They are kind, period, displacement extrema, Lyapunov exponent, contact pattern, the states of
-    the orbit one cycle apart and its Floquet multipliers. The attractors have different numbers of
-    states; missing states and multipliers are NaN.
+    They are kind, period, displacement extrema, Lyapunov exponent, contact pattern, states of the
+    orbit one cycle apart, and Floquet multipliers. States and multipliers are padded with NaN,
+    because their numbers differ between attractors.
     """
     count = len(attractors)
     periodic = [attractor for attractor in attractors if attractor.orbit]
@@ -164,7 +164,7 @@ def _attractor_variables(attractors: list[Attractor]) -> dict:
     def scalar_variables(attractor: Attractor) -> dict:
         """Return the scalar variables of an attractor as {name: value}.
 
-        Aperiodic attractors have no orbit, hence no contact pattern, grazing or trapping ellipses.
+        Aperiodic attractors have no contact pattern, grazing or trapping ellipses.
         """
         orbit = attractor.orbit
         return {
@@ -196,20 +196,20 @@ def basin_stability(
     threads: Threads = None,
     max_seconds: MaxSeconds = None,
 ):
-    """Compute the share of a region of initial states that leads to each attractor, by tuning.
+    """Compute the fraction of initial states that lead to each attractor, over the tuning.
 
     Parameters
     ----------
     model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         A model with damping.
     tunings : array_like of float, shape (n,)
-        Tunings nu, all different.
+        Tunings nu, all distinct.
     region : tuple
         ((lowest, highest displacement), (lowest, highest dx/dtau)) of the initial states.
     samples : int, default 400
-        Number of initial states at each tuning, rounded up to a square number. Each of as many
-        equal cells of the region contains one random state (stratified sampling), so that shares
-        are more accurate.
+        Number of initial states at each tuning, rounded up to a square number. The region is
+        divided into this number of equal cells, each with one random state (stratified sampling),
+        which makes the shares more accurate.
     periods, max_events, threads
         As in `gearlib.basins`.
     seed : int, default 0
@@ -234,11 +234,12 @@ def basin_stability(
     """
     values = check_distinct_values("tunings", tunings)
     values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
-    # This raises ValueError if no method supports the model.
+    # The constructor raises ValueError if no method supports the model.
     Stroboscope(model, values[0])
     require_damped_model(model)
     lower_limits, upper_limits = np.transpose(region)
-    checks.require((lower_limits < upper_limits).all(), "region", region, "increasing limits")
+    is_increasing = (lower_limits < upper_limits).all()
+    checks.require(is_increasing, "region", region, "pairs of increasing limits")
     cells_per_axis = int(np.ceil(np.sqrt(samples)))
     state_count = cells_per_axis * cells_per_axis
     attractors_and_shares = []
@@ -276,27 +277,26 @@ def basin_stability(
 def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[list, list]:
     """Group the attractors at several tunings into families that change little with the tuning.
 
-    `attractors_by_tuning` has a list of attractors for each tuning (mesh frequency / natural
-    frequency), and `order` has the indices of these lists by increasing tuning. Attractors at
-    successive tunings are matched by their displacement extrema. Return (attractor of each family
-    at the highest tuning where it exists, arrays of the family numbers of the attractors at each
-    tuning).
+    `attractors_by_tuning` contains a list of attractors for each tuning (mesh frequency / natural
+    frequency), and `order` contains the indices of these lists by increasing tuning. Attractors at
+    successive tunings are matched by their displacement extrema. Return (latest members, family
+    numbers): the attractor of each family at the highest tuning at which it exists, and for each
+    tuning an array with the family number of each attractor.
     """
-    latest_members: list[Attractor] = []  # the last attractor of each family so far
+    latest_members: list[Attractor] = []
     family_numbers = [np.zeros(0, int)] * len(attractors_by_tuning)
     for i in order:
         attractors = attractors_by_tuning[i]
         distances = np.empty((len(attractors), len(latest_members)))
         for k, attractor in enumerate(attractors):
             distances[k] = [_attractor_distance(attractor, member) for member in latest_members]
-        # Match pairs with the smallest sum of distances. The assignment does not allow infinite
-        # distances.
+        # Minimise the sum of the distances, which must be finite.
         matched_attractors, matched_families = linear_sum_assignment(np.minimum(distances, 1e9))
         numbers = np.full(len(attractors), -1)
         for k, family in zip(matched_attractors, matched_families, strict=True):
             if distances[k, family] < _FAMILY_TOLERANCE:
                 numbers[k] = family
-        # Attractors without a family start a new one.
+        # Each unmatched attractor starts a new family.
         for k, attractor in enumerate(attractors):
             if numbers[k] < 0:
                 numbers[k] = len(latest_members)
@@ -310,9 +310,9 @@ def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples:
     """Return (variables, coordinates) of a dataset of families of attractors over the tuning.
 
     A family is a sequence of attractors that change little from tuning to tuning.
-    `attractors_and_shares` holds (attractors, their shares of the initial states) for each of the
-    `tunings` (mesh frequency / natural frequency), shape (t,). `samples` is the number of
-    initial states at each tuning, for the standard errors of the shares.
+    `attractors_and_shares` contains (attractors, their shares of the initial states) for each of
+    the `tunings` (mesh frequency / natural frequency), shape (t,). `samples` is the number of
+    initial states at each tuning, from which the standard errors of the shares are computed.
     """
     attractors_by_tuning = [attractors for attractors, _ in attractors_and_shares]
     families, numbers = _assign_families(attractors_by_tuning, np.argsort(tunings))
@@ -338,11 +338,11 @@ def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples:
 
 
 def _attractor_distance(attractor: Attractor, other_attractor: Attractor) -> float:
-    """Return the largest difference between the displacement extrema of two attractors.
+    """Return the relative difference between the displacement extrema of two attractors.
 
-    The difference is divided by the displacement range of the first one, or by one static
-    deflection if that is larger. It is infinite for different kinds (periodic, chaotic, ...) or
-    periods, and 0 for two aperiodic attractors of the same kind.
+    The larger of the two differences is divided by the displacement range of the first attractor,
+    or by one static deflection if that is larger. The result is infinite if kinds (periodic,
+    chaotic, ...) or periods differ, and 0 for two aperiodic attractors of the same kind.
     """
     if (attractor.kind, attractor.period) != (other_attractor.kind, other_attractor.period):
         return np.inf

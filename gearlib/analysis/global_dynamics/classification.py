@@ -1,4 +1,4 @@
-"""Classification of initial states by the attractor to which their motions converge."""
+"""Classification of initial states by the attractors to which their motions converge."""
 
 from typing import Any
 
@@ -13,33 +13,33 @@ from gearlib.engines import orbit as columns
 from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.progress import TimeLimit, with_progress_bar
 
-#: Number of random initial states that are propagated first, in search of attractors.
+#: Number of random initial states that are propagated first to find attractors.
 _FIRST_SAMPLE_SIZE = 128
-#: Number of unlabelled states in a sample, and largest number of samples.
+#: Number of unclassified states in a sample, and largest number of samples.
 _SAMPLE_SIZE, _MAX_SAMPLES = 8, 6
-#: Cycles after which states are compared with the trapping ellipses for the first time.
+#: Number of cycles after which states are first compared with the trapping ellipses.
 _FIRST_CYCLES = 24
 #: Number of chunks of states that each thread propagates between two checks of the time limit.
 _CHUNKS_PER_THREAD = 16
-#: Mesh periods over which Lyapunov exponents and extrema of aperiodic motions are computed.
+#: Numbers of mesh periods for Lyapunov exponents and for extrema of aperiodic motions.
 _EXPONENT_PERIODS, _EXTREMA_PERIODS = 2000, 256
-#: Mesh periods of the transient before a Lyapunov exponent is computed.
+#: Number of mesh periods of the transient before a Lyapunov exponent is computed.
 _TRANSIENT_PERIODS = 500
 #: Labels of states that are not yet classified, and of states whose motions exceed their bounds.
 _NO_LABEL, _UNBOUNDED_LABEL = -1, -2
 
 
 def require_damped_model(model: Any) -> None:
-    """Raise ValueError if a model is unsuitable for a search for attractors.
+    """Raise ValueError unless a model has one mesh and damping.
 
-    It must have one mesh, and damping: without damping a model has no attractors.
+    Models without damping have no attractors.
     """
     check_one_mesh(model)
     if model.has_damping():
         return
     raise ValueError(
-        "damping = 0 is not allowed: a model without any damping conserves volume in phase "
-        "space and has no attractors; see gearlib.poincare_section for its motions"
+        "damping = 0 is not allowed: a model without any damping conserves phase-space volume and "
+        "has no attractors; use gearlib.poincare_section to show its motions"
     )
 
 
@@ -53,18 +53,18 @@ def classify(
 ) -> tuple[list[Attractor], np.ndarray]:
     """Find the attractors of a model and the attractor that each initial state approaches.
 
-    `stroboscope` maps many states over whole cycles (periods of the excitation) of the model, and
-    `states` are initial displacements and velocities, shape (k, 2). A run lasts `cycles` cycles,
-    and as many again if it has not reached an attractor by then; with `stop_early` it ends when it
-    enters a trapping ellipse, the neighbourhood of a known orbit. `seed` is for the random choice
-    of states that are examined first. States without an attractor when the time limit is over are
-    undecided. Return (attractors, index of the attractor of each initial state, shape (k,));
-    attractors are sorted by kind, period and displacement range, and each kind except periodic
+    `stroboscope` maps states over whole cycles (periods of the excitation), and `states` are
+    initial displacements and velocities, shape (k, 2). Each motion is propagated over `cycles`
+    cycles, or twice as many if it has not reached an attractor by then. With `stop_early` it stops
+    in a trapping ellipse, the neighbourhood of a known orbit. `seed` determines the random sample
+    of states that is examined first. States that are not classified within the time limit are
+    undecided. Return (attractors, index of the attractor of each initial state, shape (k,)).
+    Attractors are sorted by kind, period and displacement range, and each kind except periodic
     occurs at most once.
     """
     rng = np.random.default_rng(seed)
     motions = _Motions(stroboscope, states, rng, time_limit)
-    # A sample of the states is propagated first; most of the others end near the same attractors.
+    # A sample of the states is propagated first; most other states approach the same attractors.
     sample = rng.choice(len(states), min(_FIRST_SAMPLE_SIZE, len(states)), replace=False)
     final_states, _ = motions.propagate_states(
         stroboscope.full_states(states[np.sort(sample)]), cycles
@@ -86,41 +86,40 @@ def classify(
 
 
 class _Motions:
-    """Motions from all initial states, with the attractors that are known so far.
+    """Motions from all initial states, and the attractors found so far.
 
-    The label of an initial state is the index of its attractor, or _NO_LABEL, _UNBOUNDED_LABEL.
+    The label of an initial state is the index of its attractor, `_NO_LABEL` or `_UNBOUNDED_LABEL`.
     """
 
     def __init__(self, stroboscope, states: np.ndarray, rng: np.random.Generator, time_limit):
         """Start a motion at each of the initial `states` (displacement, velocity), shape (k, 2).
 
-        `stroboscope` is the `Stroboscope` that propagates them, `rng` chooses random samples of the
-        motions, and `time_limit` is a `TimeLimit` of the computing time.
+        `stroboscope` is the `Stroboscope` that propagates the states, `rng` selects random samples
+        of the motions, and `time_limit` limits the computing time.
         """
         self.stroboscope, self.states = stroboscope, states
         self.rng, self.time_limit = rng, time_limit
         self.attractors: list = []
         self.labels = np.full(len(states), _NO_LABEL)
-        #: Indices of the initial states without a label, and the current full states of these.
+        #: Indices of the initial states without a label, and their current full states.
         self.remaining, self.current = np.arange(len(states)), stroboscope.full_states(states)
         #: Size of each motion above which it is unbounded, as in `Model.bound`.
         sizes = stroboscope.state_sizes(self.current)
         self.bounds = UNBOUNDED_FACTOR * np.maximum(stroboscope.model.extent, sizes)
 
     def add_attractors(self, states: np.ndarray) -> bool:
-        """Search for periodic attractors near given states, and return whether any is new.
+        """Search for periodic attractors near given states and return whether any were found.
 
-        `states`, shape (m, n), have all coordinates and velocities, and have passed the transient.
-        New attractors are appended to the list `attractors`.
+        `states`, shape (m, n), are full states after a transient. New attractors are appended to
+        the list `attractors`.
         """
         count_before = len(self.attractors)
         states = states[np.isfinite(states).all(axis=1)]
         while len(states) and not self.time_limit.is_over():
-            # Examine eight states at a time.
             sample, states = states[:_SAMPLE_SIZE], states[_SAMPLE_SIZE:]
             arguments = sample, self.attractors, self.time_limit
             self.attractors += attractors.find_attractors(self.stroboscope, *arguments)
-            # Most of the other states lie in the trapping ellipses of the attractors found so far.
+            # States in the trapping ellipses of known attractors need not be examined.
             for attractor in self.attractors:
                 states = states[
                     ~attractor.ellipses.contain(self.stroboscope.reduce_and_scale(states))
@@ -128,10 +127,9 @@ class _Motions:
         return len(self.attractors) > count_before
 
     def set_label(self, mask: np.ndarray, label: int) -> None:
-        """Give a label to some of the remaining motions and remove these from the remaining ones.
+        """Label the remaining motions selected by `mask` and remove them from the remaining ones.
 
-        `mask` selects them among the remaining motions; `label` is the index of their attractor, or
-        _UNBOUNDED_LABEL.
+        `label` is the index of their attractor or `_UNBOUNDED_LABEL`.
         """
         self.labels[self.remaining[mask]] = label
         self.remaining, self.current = self.remaining[~mask], self.current[~mask]
@@ -139,8 +137,8 @@ class _Motions:
     def label_converged(self) -> None:
         """Label the remaining motions that have reached an attractor or exceed their bounds.
 
-        A motion has reached an attractor if it is in a trapping ellipse, the neighbourhood of an
-        orbit that no sampled motion leaves.
+        A motion has reached an attractor if its state lies in a trapping ellipse, a neighbourhood
+        of the orbit that no sampled motion leaves.
         """
         sizes = self.stroboscope.state_sizes(self.current)
         self.set_label(sizes > self.bounds[self.remaining], _UNBOUNDED_LABEL)
@@ -152,8 +150,8 @@ class _Motions:
         """Propagate the remaining motions over a number of cycles, then label them.
 
         A cycle is the period of the excitation. With `stop_early`, motions that have reached an
-        attractor are also labelled, and thereby end, after 24, 48, 96, ... cycles. Raise
-        RuntimeError if a run fails for another reason than unbounded growth.
+        attractor are already labelled, and no longer propagated, after 24, 48, 96, ... cycles.
+        Raise RuntimeError if a run fails for a reason other than unbounded growth.
         """
         cycles_done = 0
         step = _FIRST_CYCLES if stop_early else cycles
@@ -170,10 +168,10 @@ class _Motions:
             step = cycles_done  # doubles the number of cycles
 
     def propagate_states(self, states: np.ndarray, cycles: int) -> tuple:
-        """Propagate states, shape (m, n), over a number of cycles; return (states, status codes).
+        """Propagate full states, shape (m, n), over a number of cycles.
 
-        The states have all coordinates and velocities. They are propagated in parts; after the time
-        limit the parts that are left remain unchanged, with the status code 0.
+        Return (states, status codes). The states are propagated in groups. After the time limit the
+        remaining groups are unchanged and have the status code 0.
         """
         states, status_codes = states.copy(), np.zeros(len(states), np.int64)
         chunk_size = 1 if self.time_limit.is_set else self.stroboscope.propagator.chunk_size
@@ -187,17 +185,17 @@ class _Motions:
         return states, status_codes
 
     def choose_sample(self) -> np.ndarray:
-        """Return the positions of at most 8 randomly chosen remaining motions, sorted.
+        """Choose at most 8 of the remaining motions at random.
 
-        They are positions in the arrays `remaining` and `current`.
+        Return their sorted indices in the arrays `remaining` and `current`.
         """
         count = min(_SAMPLE_SIZE, self.remaining.size)
         return np.sort(self.rng.choice(self.remaining.size, count, replace=False))
 
     def search_near_samples(self) -> None:
-        """Search for attractors near random samples of the remaining motions, and label these.
+        """Search for attractors near random samples of the remaining motions; label the motions.
 
-        Stop after _MAX_SAMPLES (6) samples of 8 motions, or after the first sample without a new
+        Stop after `_MAX_SAMPLES` (6) samples of 8 motions, or after the first sample without a new
         attractor.
         """
         for _ in range(_MAX_SAMPLES):
@@ -210,8 +208,8 @@ class _Motions:
     def chaotic_attractor(self) -> Attractor | None:
         """Return the chaotic attractor of the remaining motions, or None if they are not chaotic.
 
-        They are chaotic if perturbations grow in each of at most eight motions chosen at random,
-        and the mean of the largest Lyapunov exponents of these is significantly positive.
+        They are chaotic if perturbations grow in each motion of a random sample of up to eight
+        motions, and if the mean of their largest Lyapunov exponents is significantly positive.
         """
         stroboscope, exponents = self.stroboscope, []
         if not self.remaining.size or self.time_limit.is_over():
@@ -237,11 +235,11 @@ class _Motions:
         return self.aperiodic_attractor(attractors.CHAOTIC, exponent=mean.value, uncertainty=error)
 
     def aperiodic_attractor(self, kind: int, exponent=np.nan, uncertainty=np.nan) -> Attractor:
-        """Return an attractor of an aperiodic kind, with the extrema of some remaining motions.
+        """Return an aperiodic attractor with the displacement extrema of a sample of motions.
 
-        `kind` is CHAOTIC, UNBOUNDED or UNDECIDED. `exponent` is the largest Lyapunov exponent per
-        mesh period and `uncertainty` its standard error, NaN if unknown. The extrema of the
-        displacement are those of eight motions over 256 mesh periods.
+        `kind` is CHAOTIC or UNDECIDED. `exponent` is the largest Lyapunov exponent per mesh period
+        and `uncertainty` its standard error, NaN if unknown. The extrema are computed for up to
+        eight remaining motions over 256 mesh periods.
         """
         record, max_events = self.stroboscope.propagator.record, self.stroboscope.max_events
         samples = self.current[self.choose_sample()]
@@ -259,8 +257,8 @@ class _Motions:
     def sorted_attractors(self, chaos: Attractor | None) -> tuple[list[Attractor], np.ndarray]:
         """Return (sorted attractors, index of the attractor of each initial state).
 
-        Motions that still remain belong to the chaotic attractor `chaos`, or are undecided if that
-        is None. Attractors are sorted by kind, period and displacement range.
+        The remaining motions belong to the chaotic attractor `chaos` or, if that is None, are
+        undecided. Attractors are sorted by kind, period and displacement range.
         """
         unsorted = list(self.attractors)
         if self.remaining.size:
@@ -271,5 +269,5 @@ class _Motions:
             self.labels[is_unbounded] = len(unsorted)
             unsorted.append(Attractor(attractors.UNBOUNDED))
         order = sorted(range(len(unsorted)), key=lambda i: unsorted[i].sort_key)
-        # argsort of the order gives the new index of each attractor.
+        # The argsort of the order is the new index of each attractor.
         return [unsorted[i] for i in order], np.argsort(order)[self.labels]

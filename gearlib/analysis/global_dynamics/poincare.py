@@ -20,7 +20,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS, Direction, MaxSeconds, Tuning
 
 #: Largest number of recorded states of a section.
 MAX_POINTS = 50_000_000
-#: Largest number of motions whose sections are computed at a time.
+#: Largest number of motions whose sections are computed together.
 _MAX_CHUNK_SIZE = 1024
 #: Type of a mesh phase.
 Phase = Annotated[float, Ge(0), Lt(2.0 * math.pi), Unit("rad")]
@@ -46,7 +46,8 @@ def poincare_section(
     tuning : float
         Ratio of mesh frequency to mean eigenfrequency, nu.
     states : array_like of float, shape (n, 2)
-        Initial displacements in static deflections and dx/dtau at tau = 0, one row per motion.
+        Initial displacements in units of the static deflection and dx/dtau at tau = 0, one row per
+        motion.
     periods : int
         Number of recorded mesh periods.
     settle : int, default 0
@@ -78,12 +79,12 @@ def poincare_section(
         raise checks.InputError(
             "states",
             states,
-            "rows of two finite numbers (displacement in static deflections, dx/dtau)",
+            "rows of two finite numbers (displacement in units of the static deflection, dx/dtau)",
         )
     if len(initial_states) * periods > MAX_POINTS:
         raise ValueError(
-            f"states x periods = {len(initial_states):,} x {periods:,} is not allowed: there must be at "
-            f"most {MAX_POINTS:,} states in a section"
+            f"states x periods = {len(initial_states):,} x {periods:,} is not allowed: a section "
+            f"can contain at most {MAX_POINTS:,} states"
         )
     time_limit = TimeLimit(max_seconds)
     method = choose_method(model, None, None)[0]
@@ -93,7 +94,7 @@ def poincare_section(
     sections = [
         _compute_section(model, tuning, chunk, settle, periods, phase, max_events)
         for chunk in time_limit.iterate(
-            with_progress_bar("chunks of the states", chunks, len(chunks))
+            with_progress_bar("chunks of states", chunks, len(chunks))
         )
     ]
     recorded = np.concatenate([section[0] for section in sections])
@@ -123,19 +124,17 @@ def _compute_section(model, tuning, initial_states, settle, periods, phase, max_
     """Compute the Poincare section of motions from `initial_states`, shape (n, 2).
 
     `tuning` is the ratio of mesh frequency to natural frequency. A state is (displacement x,
-    dx/dtau) with the mesh phase tau. States are recorded at the mesh phase `phase`, in rad, of each
-    of `periods` mesh periods after a transient of `settle` mesh periods. A run fails if a mesh
-    period has more than `max_events` contact events, or if the motion grows without bound. Return
-    (recorded states, shape (n, periods, 2), final states, (n, 2), status codes, (n,)); states after
-    a failure are NaN.
+    dx/dtau) with the mesh phase tau. After a transient of `settle` mesh periods, states are
+    recorded at the mesh phase `phase` in rad of each of `periods` mesh periods. A run fails if a
+    mesh period has more than `max_events` contact events, or if the motion grows without bound.
+    Return (recorded states, shape (n, periods, 2), final states, (n, 2), status codes, (n,)).
+    States after a failure are NaN.
     """
     check_one_mesh(model)
     states = np.full((len(initial_states), periods, 2), math.nan)
-    final_states, status_codes = (
-        np.empty((len(initial_states), 2)),
-        np.zeros(len(initial_states), np.int64),
-    )
-    # This call fills its last three arguments.
+    final_states = np.empty((len(initial_states), 2))
+    status_codes = np.zeros(len(initial_states), np.int64)
+    # The call fills its last three arguments.
     model.propagator(tuning).sections(
         initial_states, settle, phase, max_events, states, final_states, status_codes
     )
@@ -175,14 +174,15 @@ def bifurcation_diagram(
     tuning : float, optional
         Ratio of mesh frequency to mean eigenfrequency, if another parameter is varied.
     direction : {"cold", "up", "down"}
-        Whether each run starts from the initial state, or from the final state of the previous one
-        for increasing or decreasing values; six degrees of freedom allow "cold" only.
+        With "cold", each run starts from the initial state; with "up" or "down", from the final
+        state of the previous run for increasing or decreasing values. Six degrees of freedom allow
+        only "cold".
     settle, strobes : int
-        Number of mesh periods of the transient, and of recorded mesh periods.
+        Numbers of mesh periods of the transient and of the record.
     phase : float, default 0
         Mesh phase at which states are recorded, as in `gearlib.poincare_section`.
     initial_state : tuple of float
-        Displacement in static deflections and dx/dtau.
+        Displacement in units of the static deflection and dx/dtau.
     max_events : int
         Largest number of contact events in one mesh period.
     max_seconds : float, optional
@@ -202,7 +202,7 @@ def bifurcation_diagram(
     """
     method = choose_method(model, None, None)[0]
     values = check_distinct_values("values", values)
-    allowed = "'cold' for six degrees of freedom, because only two of the states are known"
+    allowed = "'cold' for six degrees of freedom, because the full final state is not recorded"
     checks.require(direction == "cold" or model.size == 2, "direction", direction, allowed)
     description = f"strobes = {strobes} at {values.size} values"
     check_memory(description, strobes * values.size, 2, "in all")
@@ -238,15 +238,15 @@ def bifurcation_diagram(
 def _compute_diagram(
     cases, values, direction, section_arguments, initial_state, time_limit
 ) -> tuple:
-    """Compute the Poincare section of a motion at each of the values of a parameter, shape (v,).
+    """Compute the Poincare section of the motion at each value of a parameter, v values.
 
-    `cases` has a (model, tuning) for each value. `section_arguments` are (mesh periods of the
+    `cases` contains a (model, tuning) for each value. `section_arguments` are (mesh periods of the
     transient, recorded mesh periods, mesh phase in rad, largest number of contact events in a mesh
-    period). With the direction "up" or "down", a run starts from the final state of the previous
-    one for increasing or decreasing values, or from `initial_state` if that run failed; with "cold"
-    always from `initial_state`. Return (recorded states, shape (v, periods, 2), final states,
-    (v, 2), table of the orbit period and the status code, (v, 2)). The status is -1 at values that
-    are not reached before the time limit.
+    period). With the direction "cold", each run starts from `initial_state`; with "up" or "down",
+    it starts from the final state of the previous run, for increasing or decreasing values, or from
+    `initial_state` if that run failed. Return (recorded states, shape (v, periods, 2), final
+    states, (v, 2), table of orbit period and status code, (v, 2)). The status code is -1 for values
+    that are not reached within the time limit.
     """
     _, periods, *_ = section_arguments
     states = np.full((values.size, periods, 2), math.nan)

@@ -1,7 +1,8 @@
 """Stroboscopic map of a model for many states at once, and grids of initial states.
 
-One *cycle* is the period of the equations of motion: one mesh period, or with run-out the number of
-mesh periods until the same teeth meet again. A periodic orbit of n cycles has n points in the map.
+A *cycle* is the period of the equations of motion: one mesh period or, with run-out, the number of
+mesh periods until the same teeth meet again. A periodic orbit of n cycles has n stroboscopic
+points.
 """
 
 import math
@@ -21,9 +22,9 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Motions larger than this, relative to the extent of the model, may grow without bound.
 _MIN_RELATIVE_SIZE = 1e2
-#: Factor by which such a motion must grow between two checks, until it exceeds `Model.bound`.
+#: Factor by which such a motion must grow between two checks to be propagated further.
 _MIN_GROWTH = 1.5
-#: Largest number of initial states in a call: all of them are held in memory.
+#: Largest number of initial states in a call; all of them are held in memory.
 MAX_STATES = 50_000_000
 #: Bytes of memory per state during a run: initial and final state, labels.
 _BYTES_PER_STATE = 120
@@ -38,40 +39,38 @@ class Stroboscope:
         A run stops if a mesh period has more than `max_events` contact events. `threads` is the
         number of threads, by default one per processor.
         """
-        # Raises ValueError unless a method supports the model.
+        # The call raises ValueError unless a method supports the model.
         choose_method(model, name=None, options=None)
         self.model, self.tuning, self.max_events = model, tuning, max_events
         self.propagator = model.propagator(tuning)
         self.threads = threads or os.cpu_count() or 1
         self.mesh_periods_per_cycle = model.repeats
-        #: Matrices from full states to reduced states, without the rigid-body rotation of all
-        #: shafts, and back.
+        #: Matrices that map full states to reduced states (without rigid-body rotation) and back.
         self._reduction, self.lift = model.reduction()
         #: Factors by which velocities become comparable with displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduction) // 2)
 
     def full_states(self, states: np.ndarray) -> np.ndarray:
-        """Complete initial displacements and velocities to full states with all coordinates.
+        """Extend initial displacements and velocities, shape (k, 2), to full states, shape (k, n).
 
-        `states` has the shape (k, 2) and the result (k, n). Both agree for a model with one degree
-        of freedom; other coordinates, such as bearings, start from their static deflection.
+        A full state contains all coordinates and velocities. Additional coordinates, e.g. of
+        bearings, start from their static deflections.
         """
         return np.array([self.propagator.initial_state(state) for state in states])
 
     def reduce_and_scale(self, states: np.ndarray) -> np.ndarray:
-        """Return states without rigid-body rotation, with velocities in units of displacements.
+        """Remove the rigid-body rotation from full states and scale the velocities.
 
-        `states`, shape (..., n), have all coordinates and velocities by mesh phase. Velocities are
-        multiplied by the tuning (mesh frequency / natural frequency), which makes them
-        comparable with displacements.
+        The velocities dx/dtau of the `states`, shape (..., n), are multiplied by the tuning (mesh
+        frequency / natural frequency), which makes them comparable with displacements.
         """
         return states @ self._reduction.T * self.weights
 
     def state_sizes(self, states: np.ndarray) -> np.ndarray:
-        """Return the size of each state, the largest of its scaled components, shape (k,).
+        """Return the largest magnitude of the scaled components of each state, shape (k,).
 
-        `states`, shape (k, n), have all coordinates; `reduce_and_scale` makes velocities comparable
-        with displacements. The size is infinite for NaN, the state of a failed run.
+        `states`, shape (k, n), are full states. The result is infinite for NaN, the state of a
+        failed run.
         """
         largest = np.abs(self.reduce_and_scale(states)).max(axis=-1)
         return np.where(np.isnan(largest), np.inf, largest)
@@ -81,11 +80,11 @@ class Stroboscope:
     ) -> tuple:
         """Propagate large growing motions until they stop growing or exceed a bound.
 
-        `states`, shape (k, n), have all coordinates and velocities. `previous_sizes` are the
-        largest scaled components of these motions some mesh periods earlier, or 0 if all have
-        grown, and `bounds`, shape (k,), the sizes above which motions count as unbounded. Growth is
-        checked every `periods` mesh periods, rounded up to whole cycles of the excitation. Small
-        motions are not propagated. Return (mask of the states above their bounds, final states).
+        `states`, shape (k, n), are full states. `previous_sizes` are the `state_sizes` of these
+        motions some mesh periods earlier, or 0 to treat all of them as growing. Motions with sizes
+        above the `bounds`, shape (k,), are unbounded. Growth is checked every `periods` mesh
+        periods, rounded up to whole cycles of the excitation. Small motions are not propagated.
+        Return (mask of the unbounded motions, final states).
         """
         states, sizes = states.copy(), self.state_sizes(states)
         is_growing = sizes > _MIN_RELATIVE_SIZE * self.model.extent
@@ -94,7 +93,7 @@ class Stroboscope:
         while (mask := is_growing & (sizes <= bounds)).any():
             final_states, status_codes = self(states[mask], cycles)
             has_failed = ~np.isin(status_codes, (status.OK, status.OVERFLOW))
-            # A run that failed for another reason does not count as growth.
+            # A run that failed for another reason is not treated as growth.
             new_sizes = np.where(has_failed, 0.0, self.state_sizes(final_states))
             has_grown = new_sizes > _MIN_GROWTH * sizes[mask]
             is_growing[mask] = has_grown
@@ -103,12 +102,10 @@ class Stroboscope:
         return sizes > bounds, states
 
     def cycle_jacobians(self, state: np.ndarray, cycles: int) -> np.ndarray:
-        """Return the Jacobian matrices of the map over each of the next cycles from a state.
+        """Return the Jacobian matrices of the map over each of the next cycles from a full state.
 
-        `state` has all coordinates and velocities; a cycle is the period of the excitation. The
-        matrices, shape (cycles, n, n), refer to states without rigid-body rotation, with velocities
-        multiplied by the tuning, as `reduce_and_scale` returns them. Raise RuntimeError if the run
-        fails.
+        A cycle is the period of the excitation. The matrices, shape (cycles, n, n), refer to the
+        reduced and scaled states of `reduce_and_scale`. Raise RuntimeError if the run fails.
         """
         periods = cycles * self.mesh_periods_per_cycle
         _, period_maps, code = self.propagator.maps(state, periods, self.max_events)
@@ -120,11 +117,10 @@ class Stroboscope:
         return np.array([compose(maps_of_cycle) for maps_of_cycle in by_cycle])
 
     def __call__(self, states: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray]:
-        """Propagate states, shape (k, n), over a number of cycles in several threads.
+        """Propagate full states, shape (k, n), over a number of cycles in several threads.
 
-        The states have all coordinates and velocities; a cycle is the period of the excitation.
-        Return (final states, status codes of `gearlib.data.status`, 0 if a run succeeds); the final
-        state of a failed run is NaN.
+        A cycle is the period of the excitation. Return (final states, status codes of
+        `gearlib.data.status`, 0 if a run succeeds). The final state of a failed run is NaN.
         """
         final_states = np.full(states.shape, np.nan)
         status_codes = np.zeros(len(states), np.int64)
@@ -133,7 +129,7 @@ class Stroboscope:
         chunks = [slice(i, i + chunk_size) for i in range(0, len(states), chunk_size)]
 
         def propagate(chunk: slice) -> None:
-            """Fill `final_states` and `status_codes` with the final states and status codes of a chunk."""
+            """Propagate a chunk of states and store its final states and status codes."""
             final_states[chunk], status_codes[chunk] = self.propagator.propagate_many(
                 states[chunk], periods, self.max_events
             )
@@ -146,16 +142,16 @@ class Stroboscope:
 
 
 def check_one_mesh(model: Any) -> None:
-    """Raise ValueError if a model has several meshes; the message refers to the argument `model`.
+    """Raise ValueError if a model has several meshes.
 
-    The displacement and velocity of one mesh do not define the state of such a model.
+    The displacement and velocity of a single mesh do not define the state of such a model.
     """
-    allowed = "of one mesh, whose displacement and velocity are the initial state"
+    allowed = "a model with one mesh, whose displacement and velocity are the initial state"
     checks.require(not model.mesh_names, "model", type(model).__name__, allowed)
 
 
 def check_grid(grid: Any) -> tuple[np.ndarray, ...]:
-    """Check a grid of initial states and return its (displacements, velocities) as arrays.
+    """Check a grid of initial states and return its axes (displacements, velocities) as arrays.
 
     `grid` is a pair of axes, each a tuple (first, last, count) or an array of values. Raise
     ValueError if an axis is invalid, or if the grid has more than `MAX_STATES` states.
@@ -164,7 +160,9 @@ def check_grid(grid: Any) -> tuple[np.ndarray, ...]:
         displacement_axis, velocity_axis = grid
     except (TypeError, ValueError):
         raise checks.InputError(
-            "grid", grid, "two, displacements and velocities, each (first, last, count) or an array"
+            "grid",
+            grid,
+            "a pair of displacements and velocities, each (first, last, count) or an array",
         ) from None
     axes = {"grid displacements": displacement_axis, "grid velocities": velocity_axis}
     counts = []
@@ -178,9 +176,8 @@ def check_grid(grid: Any) -> tuple[np.ndarray, ...]:
     if state_count > MAX_STATES:
         raise ValueError(
             f"grid of {counts[0]:,} x {counts[1]:,} = {state_count:,} initial states is not "
-            f"allowed: they would take some {state_count * _BYTES_PER_STATE / 2**30:,.0f} GiB of "
-            f"memory; there must be at most {MAX_STATES:,}, so take parts of the grid one after "
-            "the other"
+            f"allowed: it would need about {state_count * _BYTES_PER_STATE / 2**30:,.0f} GiB of "
+            f"memory; at most {MAX_STATES:,} states are allowed, so split the grid"
         )
     return tuple(_axis_values(name, axis) for name, axis in axes.items())
 
@@ -193,8 +190,8 @@ def _is_range(axis: Any) -> bool:
 def _axis_values(name: str, axis: Any) -> np.ndarray:
     """Check an axis of a grid of initial states and return its values as a float array.
 
-    The axis is a tuple (first, last, count) of equidistant values, or a sequence of distinct
-    numbers. `name` is its name in error messages. Raise ValueError if the axis is invalid.
+    The axis is a tuple (first, last, count), which defines equidistant values, or a sequence of
+    distinct numbers. `name` is its name in error messages. Raise ValueError if it is invalid.
     """
     if not _is_range(axis):
         return check_distinct_values(name, axis)
@@ -202,14 +199,14 @@ def _axis_values(name: str, axis: Any) -> np.ndarray:
     last = parameters.check(f"last of the {name}", axis[1], Finite)
     if last < first or (last == first) != (axis[2] == 1):
         raise ValueError(
-            f"{name} = {axis!r} is not allowed: last must be greater than first, or equal to it "
-            "with count = 1"
+            f"{name} = {axis!r} is not allowed: last must be greater than first, or equal to first "
+            "if count = 1"
         )
     return np.linspace(first, last, axis[2])
 
 
 def check_distinct_values(name: str, values: Any) -> np.ndarray:
-    """Check that a sequence holds distinct finite numbers, and return it as an array, shape (n,).
+    """Check that a sequence contains distinct finite numbers and return it as an array, (n,).
 
     Raise ValueError otherwise; `name` is the name of the sequence in the message.
     """
@@ -217,14 +214,14 @@ def check_distinct_values(name: str, values: Any) -> np.ndarray:
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
         raise checks.InputError(name, values, "a non-empty sequence of finite numbers")
     if np.unique(array).size < array.size:
-        raise ValueError(f"{name} = {values!r} is not allowed: its values must all be different")
+        raise ValueError(f"{name} = {values!r} is not allowed: the values must be distinct")
     return array
 
 
 def grid_states(displacements: np.ndarray, velocities: np.ndarray) -> np.ndarray:
     """Return the states (displacement, velocity) of a grid, one per row, shape (n m, 2).
 
-    The axes have n displacements and m velocities; the velocity varies fastest.
+    The axes contain n displacements and m velocities; the velocity varies fastest.
     """
     axes = np.meshgrid(displacements, velocities, indexing="ij")
     return np.stack([axis.ravel() for axis in axes], axis=1)
