@@ -199,8 +199,8 @@ def test_the_harris_map_shows_the_relief_of_the_gears_without_pitch_errors(helix
         "wheel": gear | {"tip_relief": relief},
     }
     torque, phase_count = 200.0, 32
-    torque_factors = [0.5, 1.0]
-    dataset = harris_map(gears | {"torque": torque}, torque_factors, "iso", phase_count)
+    relative_loads = [0.5, 1.0]
+    dataset = harris_map(gears | {"torque": torque}, relative_loads, "iso", phase_count)
     assert dataset.relief.values.tolist() == ["none", "own", "short", "long"]
     stage = geometry.build_stage({"pinion": gear, "wheel": gear | {"tip_relief": relief}})
     curve = stage.transmission_error(torque, phases=phase_count, stiffness="iso")
