@@ -1,14 +1,12 @@
-"""Simulate scenes, sets of similar cases, with the smallest model that is accurate enough.
+"""Simulate scenes, i.e. sets of similar cases, with the smallest model that is accurate enough.
 
-A scene has observables and a tolerance. Its cases are run with every model. The change of a model
-is the largest difference of an observable from any larger model, relative to
-
-* the height of the larger model's orbit, or of its force, for extrema of displacement or force;
-* one, for fractions of time and bounces per mesh period.
-
-The smallest model with a change within the tolerance is chosen. A truncated stiffness is compared
-with the rectangular one but never chosen. If rounding errors decide a run, it is replaced by runs
-from random initial states, and the changes of all of them must be within the tolerance.
+The cases of a scene are run with every model. The change of a model is the largest difference of an
+observable from any larger model. Differences of extrema of displacement or force are relative to
+their range in the larger model; fractions of time and bounces per mesh period are compared
+absolutely. The smallest model whose change is within the tolerance of the scene is chosen. The
+model with truncated stiffness is compared with the rectangular stiffness but never chosen. If
+rounding errors decide a run, it is replaced by runs from random initial states, whose changes must
+all be within the tolerance.
 """
 
 import math
@@ -27,29 +25,29 @@ from gearlib.models.six_degrees import SixDegreePair
 from gearlib.runs.simulation import simulate
 from gearlib.studies import many_starts
 
-#: Names of the models from the smallest to the largest, and of the one with truncated stiffness.
+#: Names of the models from the smallest to the largest, and of the model with truncated stiffness.
 MODELS = ("pair", "six_degrees_plain", "six_degrees")
 TRUNCATED_MODEL = "pair_harmonics"
 
-#: Table entry in place of a number that depends on the initial state by more than rounding errors.
+#: Table entry in place of a number that depends on the initial state.
 DIFFERS = "differs"
 #: Relative changes below this value are rounding errors.
 _MIN_CHANGE = 1e-9
-#: Rounding errors decide a motion if a tiny change of its start changes its extrema by more.
+#: Rounding errors decide a motion if a tiny perturbation changes its extrema by more than this.
 _MAX_ROUNDING_CHANGE = 1e-3
 _DISPLACEMENTS = ("displacement_max", "displacement_min")
 _FORCES = ("dynamic_force_max", "dynamic_force_min")
-#: Segments of constant stiffness in a mesh period that starts at the middle of double contact.
+#: Segments of constant stiffness in a mesh period, which starts in the middle of double contact.
 _STIFFNESS_SEGMENTS = 3
 _FLAGS = flag_attributes(("unsettled", "free_of_rounding"))
 
 
 def build_model(name: str, pair: GearPair, six_degrees: dict, harmonics: int | None = None) -> Any:
-    """Return the model with a name of `MODELS`, or the one with a truncated stiffness.
+    """Build the model called `name`, one of `MODELS` or `TRUNCATED_MODEL`.
 
-    `pair` is the `GearPair` of the case. "six_degrees_plain" is a `SixDegreePair` without friction
-    and run-out. `six_degrees` has further arguments of `SixDegreePair`; `harmonics` is the number
-    of harmonics of the truncated stiffness, the model `TRUNCATED_MODEL`.
+    `pair` is the `GearPair` of the case, and `six_degrees` has further arguments of
+    `SixDegreePair`. The model "six_degrees_plain" has neither friction nor run-out. `harmonics` is
+    the number of harmonics of the truncated stiffness.
     """
     if name == "pair":
         return pair
@@ -63,24 +61,24 @@ def build_model(name: str, pair: GearPair, six_degrees: dict, harmonics: int | N
 def simulate_representative_runs(
     model: Any, tuning: float, run: dict, settings: dict
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
-    """Return the run from the initial state, and the list of runs that represent the motion.
+    """Run a model from its initial state and, if rounding errors decide it, from random states.
 
-    This list has only the first run, or, if rounding errors decide the motion, runs from random
-    states. A tiny change of the initial state tells whether they do. `tuning` is mesh frequency
-    over natural frequency, `run` has arguments of `gearlib.simulate`, `settings` has starts
-    (number), seed and spread of the random states.
+    A run with a perturbed initial state shows whether rounding errors decide the motion. Return the
+    nominal run, and a list with either only this run or the runs from random states. `tuning` is
+    mesh frequency over natural frequency, `run` has arguments of `gearlib.simulate`, and `settings`
+    has starts (number), seed and spread of the random states.
     """
     initial_state = np.asarray(run.get("initial_state", (0.0, 0.0)), float)
 
     def run_from(state: np.ndarray, **options: Any) -> xr.Dataset:
-        """Run the model from an initial state; `options` replace arguments in `run`."""
+        """Run the model from an initial state; `options` override arguments in `run`."""
         start = tuple(map(float, state))
         return simulate(model, tuning, **run | options | {"initial_state": start})
 
     nominal_run = run_from(initial_state, until_settled=True)
-    neighbour = run_from(many_starts.perturb_state(initial_state), samples_per_period=1)
+    perturbed_run = run_from(many_starts.perturb_state(initial_state), samples_per_period=1)
     names = (*_DISPLACEMENTS, *_FORCES)
-    change = max(abs(float(nominal_run[name] - neighbour[name])) for name in names)
+    change = max(abs(float(nominal_run[name] - perturbed_run[name])) for name in names)
     if change < _MAX_ROUNDING_CHANGE:
         return nominal_run, [nominal_run]
     states = many_starts.random_initial_states(model, initial_state, settings)
@@ -92,9 +90,9 @@ def simulate_scene_with_chosen_model(
 ) -> xr.Dataset:
     """Simulate a set of cases (a scene) with the model that a comparison of models has chosen.
 
-    `comparison` is a result of `compare`. A case has the keys title, tuning and pair; `six_degrees`
-    has arguments of `SixDegreePair`, `run` of `gearlib.simulate`, and `starts` the number, seed and
-    spread of random initial states. The dataset is described in `scene`.
+    `comparison` is a result of `compare_models`. The other arguments and the dataset are described
+    in `simulate_scene`: `cases` are dicts with title, tuning and pair, `six_degrees` has arguments
+    of `SixDegreePair`, `run` of `gearlib.simulate`, and `starts` describes random initial states.
     """
     return simulate_scene(cases, comparison.chosen.item(), six_degrees, run, starts)
 
@@ -102,14 +100,14 @@ def simulate_scene_with_chosen_model(
 def simulate_scene(
     cases: Sequence[dict], model: str, six_degrees: dict, run: dict, starts: dict
 ) -> xr.Dataset:
-    """Simulate a set of cases (a scene), and return time histories and summaries of all cases.
+    """Simulate a set of cases (a scene); return time histories and summaries of all cases.
 
-    A case has the keys title, tuning (mesh frequency over natural frequency) and pair; `model` is a
-    name of `MODELS`, `six_degrees` has further arguments of `SixDegreePair`, `run` has arguments of
-    `gearlib.simulate`. The dataset has the dimensions case and (mesh) phase. free_of_rounding is 1
-    for runs that do not depend on rounding errors. The others are repeated from random initial
-    states: `starts` has their number (key starts), seed and spread. losing_share is the fraction of
-    initial states from which contact is lost.
+    A case is a dict with title, tuning (mesh frequency over natural frequency) and pair (a
+    `GearPair`). `model` is one of `MODELS`, `six_degrees` has further arguments of `SixDegreePair`,
+    and `run` has arguments of `gearlib.simulate`. The dataset has the dimensions case and phase (of
+    the mesh). free_of_rounding is 1 if a run does not depend on rounding errors. Other runs are
+    repeated from random initial states; `starts` has their number (key starts), seed and spread.
+    losing_share is the fraction of initial states from which contact is lost.
     """
     histories = []
     for case in cases:
@@ -132,12 +130,13 @@ def compare_models(
     """Run a set of cases (a scene) with every model, and choose the smallest accurate model.
 
     A model is accurate if its change, the largest difference of an observable from any larger
-    model, is within a tolerance. `criteria` has observables (names), tolerance, and candidates, the
-    models that may be chosen, from the smallest to the largest; `harmonics` is the number of
-    harmonics of the truncated stiffness. The other arguments are described in `scene`. The dataset
-    has the observables, and the change (NaN for the largest model) and cost of each model, as
-    medians and ranges over initial states, and the name of the chosen model. free_of_rounding and
-    change_free_of_rounding are 1 for runs and changes that do not depend on rounding errors.
+    model, is within a tolerance. `criteria` has the keys observables (names), tolerance, and
+    candidates (the models that may be chosen, from the smallest to the largest). `harmonics` is the
+    number of harmonics of the truncated stiffness. The other arguments are described in
+    `simulate_scene`. The dataset has the observables and, for each model, the change (NaN for the
+    largest model) and the cost, as medians and ranges over initial states; and the name of the
+    chosen model. free_of_rounding and change_free_of_rounding are 1 for runs and changes that do
+    not depend on rounding errors.
     """
     names = [*MODELS, TRUNCATED_MODEL]
     observables = criteria["observables"]
@@ -156,7 +155,7 @@ def compare_models(
         costs[:, i, j] = [_estimate_cost(model, tuning, record, run) for record in runs]
     change, is_change_reliable = _compute_relative_changes(values, scales, is_reliable)
     lowest, highest = change.min(axis=0), change.max(axis=0)
-    # The upper end is raised by the range over the starts, as a margin for all other starts.
+    # The maximum is increased by the range over the starts, as a margin for other initial states.
     with np.errstate(invalid="ignore"):
         highest = np.where(is_change_reliable, highest, 2.0 * highest - lowest)
     candidates, tolerance = criteria["candidates"], criteria["tolerance"]
@@ -177,7 +176,7 @@ def compare_models(
     }
     titles = [case["title"] for case in cases]
     coords = {"model": names, "case": titles, "observable": list(observables)}
-    # All runs have the same attributes except for those that describe the model.
+    # The attributes of all runs are equal, except for those that describe the model.
     model_attrs = ("gear_pair", "parameters")
     attrs = {name: text for name, text in first_run.attrs.items() if name not in model_attrs}
     attrs["title"] = "Comparison of models for one scene"
@@ -187,23 +186,23 @@ def compare_models(
 def _compute_relative_changes(
     values: np.ndarray, scales: np.ndarray, is_reliable: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the changes of the models, (starts, models), and a mask of reliable ones, (models,).
+    """Compute the changes of the models, (starts, models), and a mask of reliable ones, (models,).
 
     The change of a model is the largest difference of an observable from any larger model, relative
-    to the scale of the observable; it is NaN for the largest model. It is reliable if no run
-    depends on rounding errors. `values` of observables and `scales` have the shape (initial states,
-    models, cases, observables); the mask `is_reliable`, (models, cases), is true for runs that do
-    not depend on rounding.
+    to the scale of the observable. It is NaN for the largest model, and reliable if no run depends
+    on rounding errors. `values` and `scales` of the observables have the shape (starts, models,
+    cases, observables). The mask `is_reliable`, (models, cases), is true for runs that do not
+    depend on rounding errors.
     """
     change = np.full(values.shape[:2], np.nan)
     is_change_reliable = np.asarray(is_reliable.all(axis=1))
-    truncated = len(MODELS)  # index of the model with truncated stiffness
-    # Index of a model -> indices of the models with which it is compared.
+    truncated = len(MODELS)  # index of the model with truncated stiffness, the last one
+    # Model index -> indices of the models with which the model is compared.
     compared_models = {i: [*range(i + 1, truncated)] for i in range(truncated - 1)}
-    compared_models[truncated] = [0]  # it approximates the smallest model
+    compared_models[truncated] = [0]  # an approximation of the smallest model
     for i, references in compared_models.items():
         difference = np.abs(values[:, [i]] - values[:, references]) / scales[:, references]
-        # A run that stopped early is not within any tolerance.
+        # Runs that stopped early exceed any tolerance.
         difference[np.isnan(difference)] = math.inf
         change[:, i] = difference.max(axis=(1, 2, 3))
         is_change_reliable[i] &= is_reliable[references].all()
@@ -212,10 +211,10 @@ def _compute_relative_changes(
 
 
 def _change_scale(run: xr.Dataset, observable: str) -> float:
-    """Return the scale to which differences of an observable between two models are relative.
+    """Return the scale of differences of an observable between two models.
 
-    It is the height of the orbit for extrema of the displacement, the range of the force for its
-    extrema, and 1 for other observables. `run` is a result of `simulate`.
+    It is the range of the displacement or the force for their extrema, and 1 for other observables.
+    `run` is a result of `gearlib.simulate`.
     """
     if observable in _DISPLACEMENTS:
         return float(run.displacement_max - run.displacement_min)
@@ -225,17 +224,17 @@ def _change_scale(run: xr.Dataset, observable: str) -> float:
 
 
 def _estimate_cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
-    """Return the number of state components that a run computes per mesh period.
+    """Estimate the cost of a run: the number of state components computed per mesh period.
 
-    `record` is a result of `simulate` with the arguments `run`, at a tuning (dimensionless mesh
-    frequency). Closed forms compute the state once for each piece (part of a mesh period) and for
-    each arc, the time between contact events or changes of stiffness. The cost of Taylor steps
-    depends on rounding errors, so it is rounded to 1, 2 or 5 times a power of ten.
+    `record` is a result of `gearlib.simulate` with the arguments `run` at a tuning (mesh frequency
+    over natural frequency). Closed forms compute the state once per piece (a fixed part of the mesh
+    period) and once per arc (between contact events or changes of stiffness). The cost of Taylor
+    steps depends on rounding errors, so it is rounded to 1, 2 or 5 times a power of ten.
     """
     propagator = model.propagator(tuning)
-    evaluations = int(record.evaluations)  # 0 for closed forms
+    evaluations = int(record.evaluations)  # 0 if the solution has a closed form
     if not evaluations:
-        # Contact events subdivide the segments of constant stiffness.
+        # Contact events divide the segments of constant stiffness.
         arcs = record.event.size / run["record_periods"] + _STIFFNESS_SEGMENTS
         return propagator.components * (propagator.pieces + arcs)
     cost = propagator.components * evaluations / run["periods"]
@@ -245,11 +244,11 @@ def _estimate_cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> 
 
 
 def table_rows(comparisons: Sequence[xr.Dataset], scenes: Sequence[str]) -> Iterator[list]:
-    """Yield the rows of the table of comparisons: the names of the columns, then their values.
+    """Yield the rows of the table of model comparisons, beginning with the column names.
 
-    `comparisons` are datasets from `compare`, `scenes` the names of their sets of cases; each model
-    has one row per scene. A number that depends on rounding errors is replaced by the word
-    `DIFFERS`.
+    `comparisons` are datasets from `compare_models`, one for each of the `scenes` (names of sets of
+    cases). Each model has one row per scene. Numbers that depend on rounding errors are replaced by
+    the word `DIFFERS`.
     """
     yield ["scene", "model", "change", "tolerance", "cost", "chosen"]
     for scene_name, comparison in zip(scenes, comparisons, strict=True):

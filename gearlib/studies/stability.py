@@ -1,4 +1,4 @@
-"""Study parametric resonance: instability tongues over parameters, and causes of contact loss."""
+"""Study parametric resonance: stability charts with instability tongues, causes of contact loss."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -15,21 +15,21 @@ from gearlib.data.status import flag_attributes
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
 
-#: Parameters of the stability chart besides the tuning.
+#: Parameters that the stability chart varies together with the tuning.
 PLANES = ("stiffness_ratio", "contact_ratio", "damping")
 #: Largest damping of the chart relative to the damping that closes the last tongue.
 _DAMPING_MARGIN = 1.15
 #: Largest damping ratio of the chart if there is no tongue.
 _DEFAULT_MAX_DAMPING = 0.1
-#: Tunings, relative to a given tuning, between which its nearest tongue is searched.
+#: Range in which the tongue nearest to a tuning is searched, relative to this tuning.
 _TONGUE_RANGE = 0.7, 1.5
 #: Number of tunings of the scan for contact loss from rest, and its margin in tongue widths.
 _REST_SCAN_TUNINGS, _REST_SCAN_WIDTHS = 301, 1.5
-#: Tuning that is added to this margin, because tongues may have zero width.
+#: Minimum of this margin in tuning, because tongues may have zero width.
 _MIN_REST_SCAN_MARGIN = 1e-3
 #: Number of tunings, and range of tuning, of the scan for forced contact loss.
 _FORCED_SCAN_TUNINGS, _FORCED_SCAN_RANGE = 51, 0.5
-#: Displacements down to this value below zero, static deflections, may be rounding errors.
+#: Negative displacements up to this size, in static deflections, may be rounding errors.
 _DISPLACEMENT_TOLERANCE = 1e-9
 
 #: Codes of the causes of contact loss, and their names.
@@ -41,10 +41,10 @@ def compute_stability_chart(pair: GearPair, tunings: Sequence[float], settings: 
     """Compute growth rates and instability tongues over tuning and each parameter of `PLANES`.
 
     A tongue is an interval of tunings (mesh frequency over natural frequency) in which the motion
-    without contact loss is unstable. `settings` has the keys damping_ratios (for each of which
-    tongues are computed), least_stiffness_ratio (lower limit of the stiffness ratio), and values
-    (number of values of each parameter). In the dataset, own_value is the value of each parameter
-    for the undamped pair; closing_damping is the damping ratio above which a tongue does not exist.
+    without contact loss is unstable. `settings` has the keys damping_ratios (for which tongues are
+    computed), least_stiffness_ratio (lower limit of the stiffness ratio), and values (number of
+    values of each parameter). In the dataset, own_value is the value of each parameter for the
+    undamped pair, and closing_damping the damping ratio at which a tongue vanishes.
     """
     model = pair.replace(material_damping=0.0)
     dampings, count = settings["damping_ratios"], settings["values"]
@@ -56,12 +56,15 @@ def compute_stability_chart(pair: GearPair, tunings: Sequence[float], settings: 
         "contact_ratio": np.linspace(1.0, 2.0, count),
         "damping": np.linspace(0.0, max_damping or _DEFAULT_MAX_DAMPING, count),
     }
-    # Stiffness ratio and contact ratio are attributes of the pair; the damping is not.
-    parameters = {name: getattr(model, name) for name in PLANES[:2]} | {"damping": dampings[0]}
+    parameters = {
+        "stiffness_ratio": model.stiffness_ratio,
+        "contact_ratio": model.contact_ratio,
+        "damping": dampings[0],
+    }
     planes = []
     for plane, values in plane_values.items():
         tongues = []
-        # In the plane "damping", the rows already differ in damping.
+        # In the plane "damping", the rows have different damping.
         plane_dampings = dampings[:1] if plane == "damping" else dampings
         for damping in plane_dampings:
             damped = search.replace_parameter(model, "damping", damping)
@@ -86,13 +89,13 @@ def compute_stability_chart(pair: GearPair, tunings: Sequence[float], settings: 
 def _find_zero_width_points(
     pair: GearPair, orders: Sequence[int], min_stiffness_ratio: float
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the points of the chart where undamped tongues have zero width, as variables.
+    """Find the points of the stability chart where undamped tongues have zero width.
 
-    A tongue is an interval of unstable tunings (mesh frequency over natural frequency). A point has
-    a plane (the parameter that is varied), the value of this parameter, and a tuning. The stiffness
-    ratio is varied at the contact ratio of the pair, the contact ratio at its stiffness ratio.
-    `orders` are the numbers n of the tongues, which lie near the tunings 2 / n; points with
-    stiffness ratios below `min_stiffness_ratio` are left out.
+    A tongue is an interval of unstable tunings (mesh frequency over natural frequency). Return
+    variables with the plane (the parameter that varies), the value of this parameter, and the
+    tuning of each point. All other parameters are those of `pair`. `orders` are the numbers n of
+    the tongues, which lie near the tunings 2 / n. Points with stiffness ratios below
+    `min_stiffness_ratio` are omitted.
     """
     points = []
     fixed_parameters = {"stiffness_ratio": "contact_ratio", "contact_ratio": "stiffness_ratio"}
@@ -114,12 +117,12 @@ def find_contact_loss_causes(
 ) -> xr.Dataset:
     """Compute instability tongues of gear pairs with different damping, and why contact is lost.
 
-    `pairs` maps the name of a damping combination to a pair. At `tuning` (mesh frequency over
-    natural frequency, variable "asked") contact is lost either because the forced orbit of one mesh
-    period has displacements below zero, or because perturbations of this orbit grow in a tongue, an
-    interval of unstable tunings. Tongues are searched between the tunings `start` and `stop`; `run`
-    has the keys periods and initial_state of the motion from rest. Edges of closed tongues, and
-    ends of contact loss outside the scan, are NaN.
+    `pairs` maps names of damping combinations to pairs. At `tuning` (mesh frequency over natural
+    frequency; variable "asked") contact is lost for one of two reasons: either the forced
+    period-one orbit has displacements below zero, or perturbations of this orbit grow in a tongue,
+    an interval of unstable tunings. Tongues are searched between the tunings `start` and `stop`.
+    `run` has the keys periods and initial_state of the motion from rest. Edges of closed tongues
+    and ends of contact loss outside the scanned range are NaN.
     """
     lower, upper = _TONGUE_RANGE
     start = max(search.MIN_TUNING, min(start, lower * tuning))
@@ -131,7 +134,7 @@ def find_contact_loss_causes(
         for model, data in zip(models, tongues, strict=True)
     ]
     data = xr.concat(dampings, xr.IndexVariable("damping", [*pairs]), join="outer")
-    # The closing damping depends on the order only.
+    # The closing damping only depends on the order.
     closing_dampings = xr.concat([data.closing_damping for data in tongues], "model", join="outer")
     data = data.assign(closing_damping=closing_dampings.max("model"), asked=tuning)
     title = "Parametric resonance of the dampings"
@@ -142,12 +145,12 @@ def find_contact_loss_causes(
 
 
 def _analyse_contact_loss(pair: GearPair, tuning: float, tongues: xr.Dataset, run: dict) -> dict:
-    """Return nearest tongue, growth rate, contact loss and its cause at a tuning, as variables.
+    """Find nearest tongue, growth rate, contact loss and its cause at a tuning.
 
     The tuning is mesh frequency over natural frequency. `tongues` has the intervals of unstable
-    tunings of the pair; the nearest of them contains the tuning, or its point of largest growth is
-    nearest. `run` has arguments of `gearlib.sweep`. The cause is a code: NONE, PARAMETRIC
-    (perturbations grow) or FORCED (the orbit itself loses contact).
+    tunings of the pair. The nearest tongue contains the tuning or has the nearest maximum of the
+    growth rate. `run` has arguments of `gearlib.sweep`. The cause is NONE, PARAMETRIC
+    (perturbations grow) or FORCED (the forced orbit loses contact). Return variable -> value.
     """
     is_inside = (tongues.tuning_from <= tuning) & (tuning <= tongues.tuning_to)
     distance = np.abs(tongues.growth_tuning - tuning).where(~is_inside, 0.0)
@@ -175,10 +178,10 @@ def _analyse_contact_loss(pair: GearPair, tuning: float, tongues: xr.Dataset, ru
 
 
 def min_orbit_displacement(pair: GearPair, tuning: float) -> float:
-    """Return the smallest displacement of the orbit that keeps contact, static deflections.
+    """Return the minimum displacement of the forced orbit, in units of the static deflection.
 
-    It is computed with a linear pair, which has no backlash. If it is negative, the real pair would
-    lose contact on this orbit. `tuning` is mesh frequency over natural frequency.
+    The orbit is computed without loss of contact, for the linear pair without backlash. If the
+    result is negative, the pair loses contact. `tuning` is mesh frequency over natural frequency.
     """
     state, linear = meissner.orbit_state(pair, tuning), meissner.without_backlash(pair)
     curve = sweep(linear, [tuning], periods=1, record_periods=1, initial_state=state)
@@ -186,11 +189,11 @@ def min_orbit_displacement(pair: GearPair, tuning: float) -> float:
 
 
 def _find_contact_loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
-    """Return whether the motion from rest loses contact at a tuning, and the range of such tunings.
+    """Find whether the motion from rest loses contact at a tuning, and in which range of tunings.
 
-    The tuning is mesh frequency over natural frequency. `order` is the number n of the nearest
-    instability tongue, which lies near the tuning 2 / n and is scanned (0: there is no tongue);
-    `run` has arguments of `gearlib.sweep`. An end of the range outside the scan is NaN.
+    The scan covers `tuning` (mesh frequency over natural frequency) and the nearest instability
+    tongue, whose number is `order`, or 0 if there is none. `run` has arguments of `gearlib.sweep`.
+    Return (contact is lost, lower end, upper end); an end outside the scanned range is NaN.
     """
     lower = upper = tuning
     if order:
@@ -199,7 +202,7 @@ def _find_contact_loss_from_rest(pair, tuning, order, run) -> tuple[bool, float,
     margin = _REST_SCAN_WIDTHS * (upper - lower) + _MIN_REST_SCAN_MARGIN
     first_tuning, last_tuning = min(lower, tuning) - margin, max(upper, tuning) + margin
     scan = np.linspace(first_tuning, last_tuning, _REST_SCAN_TUNINGS)
-    # All periods are evaluated, since a transient loss of contact counts, too.
+    # All periods are evaluated, because transient contact loss counts, too.
     curve = sweep(pair, scan, record_periods=run["periods"], **run)
     loses_contact = curve.displacement_min.values < -_DISPLACEMENT_TOLERANCE
     nearest = int(np.argmin(np.abs(scan - tuning)))
@@ -212,10 +215,10 @@ def _find_contact_loss_from_rest(pair, tuning, order, run) -> tuple[bool, float,
 
 
 def _find_forced_contact_loss(pair: GearPair, tuning: float) -> float:
-    """Return the lowest tuning from `tuning` on at which the forced orbit itself loses contact.
+    """Find the lowest tuning, from `tuning` upwards, at which the forced orbit loses contact.
 
-    The tuning is mesh frequency over natural frequency. A scan brackets the zero of the smallest
-    displacement, which a root finder refines. Return NaN if no tuning of the scan has contact loss.
+    The tuning is mesh frequency over natural frequency. A scan brackets the zero of the minimum
+    displacement, which a root finder refines. Return NaN if the scan finds no contact loss.
     """
     scan = np.linspace(tuning, tuning + _FORCED_SCAN_RANGE, _FORCED_SCAN_TUNINGS)
     losses = np.flatnonzero([min_orbit_displacement(pair, nu) < 0.0 for nu in scan])
@@ -230,13 +233,12 @@ def _find_forced_contact_loss(pair: GearPair, tuning: float) -> float:
 
 
 def table_rows(tongues: xr.Dataset) -> Iterator[list]:
-    """Yield the rows of the table of causes: the names of the columns, then one row per damping.
+    """Yield the rows of the table of causes of contact loss, beginning with the column names.
 
-    `tongues` is a dataset from `find_contact_loss_causes` at the tuning "asked", mesh frequency
-    over natural frequency. orbit_min is the smallest displacement of the forced orbit, loss_from
-    and loss_to bound the tunings at which the motion from rest loses contact, and forced_from is
-    the lowest tuning at which the forced orbit does. growth_percent is the growth of perturbations
-    per mesh period.
+    `tongues` is a dataset from `find_contact_loss_causes`; each damping combination has one row.
+    orbit_min is the minimum displacement of the forced orbit. The motion from rest loses contact at
+    tunings (mesh frequency over natural frequency) from loss_from to loss_to, the forced orbit at
+    tunings above forced_from. growth_percent is the growth of perturbations per mesh period.
     """
     tongue_names = ["tuning_from", "tuning_to", "closing_damping"]
     motion_names = ["orbit_min", "loss_from", "loss_to", "forced_from"]
@@ -244,7 +246,7 @@ def table_rows(tongues: xr.Dataset) -> Iterator[list]:
     yield [*header, *tongue_names, "growth_percent", *motion_names]
     for damping in tongues.damping.values:
         data = tongues.sel(damping=damping)
-        order = int(data.nearest_order)  # 0 without a tongue, whose edges are then NaN
+        order = int(data.nearest_order)  # 0 if there is no tongue; its edges are then NaN
         tongue = data.reindex(order=[order]).squeeze("order")
         growth = 100.0 * math.expm1(float(data.growth))
         numbers = [float(tongue[name]) for name in tongue_names]

@@ -1,4 +1,4 @@
-"""Compute dynamic factor and transmission error of load-sharing pairs over the speed."""
+"""Compute dynamic factor and transmission error of load-sharing pairs over speed."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -13,17 +13,17 @@ from gearlib.data.result import make_result
 from gearlib.data.status import NO_START
 from gearlib.runs.sweeping import WARM_STARTED, motions_agree, sweep
 
-#: Lowest and highest speed relative to the resonance speed, unless the operating speed lies beyond.
+#: Lowest and highest speed relative to the resonance speed; extended by the operating speed.
 SPEED_RANGE = 0.1, 1.4
-#: Values of codes at tunings that a sweep with a limit of time has not reached.
+#: Fill values of codes at tunings that a sweep has not reached within its time limit.
 _NOT_REACHED = {"period": np.int32(0), "status": np.int8(NO_START)}
 
 
 def sweep_speed_range(model: Any, points: int, start=None, stop=None, speed=None) -> xr.Dataset:
     """Compute dynamic factor and transmission error of a load-sharing pair over a range of speeds.
 
-    There are `points` speeds from `start` to `stop`, rpm, with the defaults of `speed_range`;
-    `speed` is the operating speed, rpm, or None. Each run has 150 mesh periods, of which the last
+    There are `points` speeds from `start` to `stop` (rpm; see `speed_range` for the defaults), and
+    `speed` is the operating speed (rpm) or None. Each run has 150 mesh periods, of which the last
     10 are evaluated. The dataset is described in `sweep_speeds`.
     """
     speeds = np.linspace(*speed_range(model, speed, start, stop), points)
@@ -33,11 +33,10 @@ def sweep_speed_range(model: Any, points: int, start=None, stop=None, speed=None
 def speed_range(model: Any, speed=None, start=None, stop=None) -> tuple[float, float]:
     """Return the lowest and the highest speed of a study, in rpm.
 
-    They are `start` and `stop`, unless these are None. The defaults are multiples (`SPEED_RANGE`)
-    of the resonance speed of `model`, extended to include `speed`, the operating speed in rpm or
-    None.
+    These are `start` and `stop` if given. The defaults are multiples (`SPEED_RANGE`) of the
+    resonance speed of `model`, extended to include the operating speed `speed` (rpm or None).
     """
-    resonance_speed = float(model.speed(1.0))  # mesh frequency equals natural frequency
+    resonance_speed = float(model.speed(1.0))  # the tuning 1 is resonance
     if start is None:
         start = min(SPEED_RANGE[0] * resonance_speed, speed or math.inf)
     if stop is None:
@@ -48,18 +47,18 @@ def speed_range(model: Any, speed=None, start=None, stop=None) -> tuple[float, f
 def sweep_speeds(
     model: Any, speeds: np.ndarray, speed=None, directions=WARM_STARTED, **settings: Any
 ) -> xr.Dataset:
-    """Compute dynamic factor and transmission error of a load-sharing pair over the speed.
+    """Compute dynamic factor and transmission error of a load-sharing pair over speed.
 
     Parameters
     ----------
     model : LoadSharingPair
-        Without pitch errors, since the whole cycle of the teeth is too long for each speed.
+        Without pitch errors, whose cycle is too long to be simulated at each speed.
     speeds : numpy.ndarray, shape (n,)
         Speeds of the pinion in rpm, increasing.
     speed : float, optional
         Operating speed in rpm.
     directions : sequence of str, default ("up", "down")
-        Directions of `gearlib.sweep`.
+        Directions of the sweeps, as in `gearlib.sweep`.
     **settings
         Arguments of `gearlib.sweep`, such as periods and record_periods.
 
@@ -78,14 +77,14 @@ def sweep_speeds(
     scales = [*model.scales(), *model.speed_scales(1.0)]
 
     def sweep_in(direction: str) -> xr.Dataset:
-        """Return the sweep in a direction, "up" or "down", without its factors to SI units."""
+        """Sweep in the direction "up" or "down"; return the sweep without scales to SI units."""
         return sweep(model, speeds=speeds, direction=direction, **settings).drop_vars(scales)
 
-    # The kernels release the interpreter lock, so both directions run at the same time.
+    # The kernels release the interpreter lock, so both directions run in parallel.
     with ThreadPoolExecutor() as pool:
         curves = list(pool.map(sweep_in, directions))
     names = xr.IndexVariable("direction", list(directions))
-    # Sweeps that a limit of time has stopped have other tunings.
+    # Sweeps that were stopped by a time limit have fewer tunings.
     data = xr.concat(curves, names, join="outer", fill_value=_NOT_REACHED)
     data = data.assign(model.scales())
     speed_scales = model.speed_scales(data.tuning.values)
@@ -109,22 +108,22 @@ def sweep_speeds(
     method = settings.get("method") or next(iter(model.propagators))
     data = make_result(title, model, data.drop_attrs(deep=False), method=method, **parameters)
     if any(stage.pitch_errors):
-        data.attrs["comment"] = "The pitch errors of the gears are left out."
+        data.attrs["comment"] = "The pitch errors of the gears are neglected."
     return data
 
 
 def _find_jump_speeds(data: xr.Dataset) -> np.ndarray:
-    """Return the ends of the k intervals of speed in which the sweeps up and down differ, (k, 2).
+    """Find the intervals of speed in which the sweeps up and down differ, shape (k, 2), in rpm.
 
-    `data` has both sweeps along the dimension direction. The ends are speeds in rpm, lower one
-    first; an end is NaN if the interval continues beyond the speeds of the sweeps.
+    `data` has both sweeps along the dimension "direction". An end of an interval is NaN if the
+    interval extends beyond the speeds of the sweeps.
     """
     up, down = (data.sel(direction=name) for name in WARM_STARTED)
-    # Failed runs (status other than 0), or two motions that have not settled (period 0), are no
-    # evidence of two motions.
+    # Failed runs (status other than 0) and two unsettled motions (period 0) are no evidence of
+    # hysteresis.
     known = (up.status == 0) & (down.status == 0) & ((up.period > 0) | (down.period > 0))
     intervals = true_intervals(~motions_agree(up, down) & known.values)
-    # A motion jumps between two speeds of the sweep, or beyond the first or the last speed.
+    # A motion jumps midway between two speeds, or at an unknown speed beyond the range.
     speeds = np.pad(data.speed.values, 1, constant_values=math.nan)
     middles = (speeds[1:] + speeds[:-1]) / 2.0
     return np.array([(middles[i], middles[j + 1]) for i, j in intervals]).reshape(-1, 2)

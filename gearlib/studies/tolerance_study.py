@@ -1,4 +1,4 @@
-"""Compute shards of `gearlib.scatter`, Sobol' indices, and a table of tolerances."""
+"""Compute shards of `gearlib.scatter`, Sobol' indices, and the table of scattering quantities."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,15 +13,15 @@ from gearlib.uncertainty.designs import StageDesign
 from gearlib.uncertainty.scatter import shard as scatter_shard
 from gearlib.uncertainty.scatter import sobol_indices
 
-#: Endings of the names of the variables with moments of a quantity; percentiles in the table.
+#: Suffixes of variables with moments of a quantity, and percentiles in the table.
 _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)
 
 
 def build_nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair | StageDesign:
-    """Return the design whose parameters scatter: a `GearPair`, or gears given by their geometry.
+    """Return the nominal design: `pair`, or a `StageDesign` if the geometry of the gears is given.
 
-    `gears` has the keys of the geometry of two gears, torque (N m) and the stiffness method; their
-    damping is that of `pair`. If it is None, `pair` itself is returned.
+    `gears` is None or a dict with the geometry of two gears, their torque (N m) and the stiffness
+    method. The damping is taken from `pair`.
     """
     if gears is None:
         return pair
@@ -41,10 +41,9 @@ def compute_scatter_shard(
 ) -> xr.Dataset:
     """Compute a part (shard) of the random designs of `gearlib.scatter`.
 
-    `samples` is the number of all random designs. `shard` is a string such as "0-100", the index of
-    the first design of the part and the index after its last one. `pair` and `gears` are arguments
-    of `build_nominal_design`, `tolerances` maps parameters to their distributions, `threads` is the
-    number of threads, and `settings` are further arguments of `gearlib.scatter`.
+    `samples` is the total number of designs. `shard` is a string "FIRST-STOP", e.g. "0-100" for the
+    designs 0 to 99. `pair` and `gears` are arguments of `build_nominal_design`, and `tolerances`
+    maps parameters to distributions. `settings` has further arguments of `gearlib.scatter`.
     """
     start, stop = map(int, shard.split("-"))
     design = build_nominal_design(pair, gears)
@@ -54,21 +53,21 @@ def compute_scatter_shard(
 def compute_sobol_indices(
     *, pair: GearPair, tolerances: dict, samples: int, gears: dict | None = None, **settings: Any
 ) -> xr.Dataset:
-    """Compute Sobol' indices, the shares of each tolerance in the variance of a result.
+    """Compute Sobol' indices: the contribution of each tolerance to the variance of a result.
 
-    `pair` and `gears` are arguments of `build_nominal_design`, `tolerances` maps parameters to
-    their distributions. `samples` is the number of samples, a power of 2, each of which takes
-    several designs. `settings` are further arguments of `gearlib.sobol_indices`.
+    `pair` and `gears` are arguments of `build_nominal_design`, and `tolerances` maps parameters to
+    distributions. `samples` is the number of samples, a power of 2; each sample takes several
+    designs. `settings` has further arguments of `gearlib.sobol_indices`.
     """
     return sobol_indices(build_nominal_design(pair, gears), tolerances, n=samples, **settings)
 
 
 def table_rows(scattered: xr.Dataset) -> Iterator[list]:
-    """Yield the rows of the table of scattering quantities: the names of the columns, then values.
+    """Yield the rows of the table of scattering quantities, beginning with the column names.
 
-    `scattered` is a dataset of `gearlib.scatter` over random designs; each of its quantities has a
-    row with nominal value, mean, standard deviation and percentiles. The column "found" is the
-    number of designs that have the quantity (status 0), "samples" the number of all designs.
+    `scattered` is a dataset of `gearlib.scatter`. Each quantity has a row with nominal value, mean,
+    standard deviation and percentiles. The column "found" is the number of designs for which the
+    quantity was found (status 0), and "samples" the total number of designs.
     """
     quantiles = [f"quantile_{percentile}" for percentile in _PERCENTILES]
     yield ["quantity", "unit", *_MOMENTS, *quantiles, "found", "samples"]

@@ -1,6 +1,6 @@
 """Compute the forces in all meshes of gear trains over speed, and Campbell diagrams.
 
-Every motion is found from many random initial states, see `gearlib.studies.many_starts`.
+Every motion is computed from many random initial states; see `gearlib.studies.many_starts`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,24 +15,24 @@ from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.studies import many_starts
 
-#: Number of equal branches that share the power of the reducer: countershafts with two gears each.
+#: Number of equal branches of the reducer, which are countershafts with two gears each.
 BRANCHES = 3
-#: Variables of the sweeps of trains, with median and range over the initial states.
+#: Variables of train sweeps whose median and range over the initial states are computed.
 _QUANTITIES = ("load_sharing", "contact_loss_fraction")
 
 
 def build_reducer(pair: GearPair, settings: dict, **changes: Any) -> Any:
-    """Return the paper's reducer, whose branches share the power, as a `GearTrain`.
+    """Build the paper's split-power reducer as a `GearTrain`.
 
-    Its tuning, the dimensionless mesh frequency, refers to the natural frequency of the gear pair.
-    `settings` has the keys teeth, modules, shaft_stiffness, support_stiffness and damping_ratio;
-    `changes` are further arguments of `gearlib.split_power_reducer`.
+    Its tuning is mesh frequency over natural frequency of the gear pair. `settings` has the keys
+    teeth, modules, shaft_stiffness, support_stiffness and damping_ratio. `changes` are further
+    arguments of `gearlib.split_power_reducer`.
     """
     frequency = pair.mesh_frequency(1.0)
     names = ("teeth", "modules", "shaft_stiffness", "support_stiffness")
     arguments = {name: settings[name] for name in names} | {
         "branches": BRANCHES,
-        # Damping over stiffness (s) that gives the damping ratio at the natural frequency.
+        # The ratio of damping to stiffness (s) results in the damping ratio at this frequency.
         "structural_damping": 2.0 * settings["damping_ratio"] / frequency,
         "reference_frequency": frequency / (2.0 * np.pi),
     }
@@ -40,26 +40,26 @@ def build_reducer(pair: GearPair, settings: dict, **changes: Any) -> Any:
 
 
 def sweep_reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
-    """Compute force and contact of all meshes of the reducer over tuning, without and with errors.
+    """Sweep the reducer over tuning: force and contact of all meshes, without and with errors.
 
-    The tuning is mesh frequency over natural frequency. `settings` has teeth, modules,
-    shaft_stiffness, support_stiffness and damping_ratio of the reducer; the keys of
+    The tuning is mesh frequency over natural frequency. `settings` has the keys teeth, modules,
+    shaft_stiffness, support_stiffness and damping_ratio of the reducer; the keys
     `many_starts.SETTINGS` (number, seed and spread of random initial states, and mesh periods of
-    the runs); and the errors pin_error (m, radial and tangential) and backlashes (m, of each
-    branch). The cases are "alike" (all branches are equal), "pin_error" (misplaced axis of the
-    first branch) and "unequal_backlash".
+    the runs); pin_error (radial and tangential, m); and backlashes (m, one per branch). The cases
+    are "alike" (all branches are equal), "pin_error" (misplaced axis of the first branch) and
+    "unequal_backlash".
     """
     tunings = np.asarray(tunings, float)
     backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
     equal_branches = build_reducer(pair, settings)
-    # Radial and tangential pin errors (m): only the first branch has one.
+    # Radial and tangential pin errors (m); only the first branch has an error.
     pin_errors = [tuple(settings["pin_error"])] + [(0.0, 0.0)] * (BRANCHES - 1)
     trains = {
         "alike": equal_branches,
         "pin_error": build_reducer(pair, settings, pin_errors=pin_errors),
         "unequal_backlash": build_reducer(pair, settings, backlashes=backlashes),
     }
-    # Meshes have names such as "first 2": their stage and their branch.
+    # Mesh names such as "first 2" consist of stage and branch.
     names = equal_branches.mesh_names
     branch = np.array([int(name.split()[1]) for name in names], np.int32)
     stage = np.array([1 if name.startswith("first") else 2 for name in names], np.int32)
@@ -82,10 +82,10 @@ def _sweep_reducer_case(
 ) -> xr.Dataset:
     """Compute the sweep of a reducer, its largest force ratios, and fractions of initial states.
 
-    Of each branch, lost_alone_share is the fraction of initial states from which only this branch
-    loses contact, struck_alone_share the fraction from which only this branch has coast-side
-    contact. `mesh_branches` has the branch number of each mesh, `settings` the number, seed and
-    spread of initial states and the mesh periods of the runs (`many_starts.SETTINGS`).
+    lost_alone_share is the fraction of initial states from which only one branch loses contact, and
+    struck_alone_share the fraction from which only one branch has coast-side contact; both are
+    given for each branch. `mesh_branches` has the branch number of each mesh. `settings` has the
+    keys `many_starts.SETTINGS` (number, seed and spread of initial states, mesh periods).
     """
     quantities = train.force_ratio_name, *_QUANTITIES
     sweep, motions = many_starts.sweep_random_starts(train, tunings, settings, quantities)
@@ -93,7 +93,7 @@ def _sweep_reducer_case(
     coast_contacts = [motion.fraction_coast.values > FRACTION_TOLERANCE for motion in motions]
     loss_fractions = [single_branch_fraction(loss, mesh_branches) for loss in losses]
     coast_fractions = [single_branch_fraction(contact, mesh_branches) for contact in coast_contacts]
-    # Ratios of largest to static force count only where all initial states end on one orbit.
+    # Force ratios are only used where all initial states lead to the same orbit.
     ratios = force_ratio(sweep).where(sweep.settled == 1)
     largest_index = ratios.fillna(-np.inf).argmax("tuning")
     largest_tuning = xr.DataArray(tunings, dims="tuning").isel(tuning=largest_index)
@@ -107,11 +107,11 @@ def _sweep_reducer_case(
 
 
 def single_branch_fraction(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.ndarray:
-    """Return the fraction of initial states from which an event occurs in just one branch.
+    """Return the fraction of initial states from which an event occurs in one branch only.
 
-    The mask `occurs`, shape (initial states, tunings, meshes), is true where the event occurs;
-    `mesh_branches` has the branch number of each mesh. The result, shape (tunings, branches), has
-    the fraction for each branch.
+    The mask `occurs`, shape (initial states, tunings, meshes), is true where the event occurs.
+    `mesh_branches` has the branch number of each mesh. The result has the shape (tunings,
+    branches).
     """
     numbers = np.unique(mesh_branches)
     masks = [occurs[..., mesh_branches == number].any(axis=-1) for number in numbers]
@@ -120,13 +120,12 @@ def single_branch_fraction(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.
 
 
 def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
-    """Yield the rows of the table of the reducer: the names of the columns, then their values.
+    """Yield the rows of the table of the reducer, beginning with the column names.
 
-    `characteristics` are the sweeps from `reducer` over tuning (mesh frequency over natural
-    frequency); each case, direction and mesh has a row. The last three columns list tunings: those
-    at which, from all initial states, only the branch of the mesh loses contact; those at which
-    only this branch has coast-side contact (far_flank_struck); and those at which the motion does
-    not settle.
+    `characteristics` has the sweeps from `sweep_reducer` over tuning (mesh frequency over natural
+    frequency). Each case, direction and mesh has a row. The last three columns list tunings at
+    which, from all initial states, only the branch of the mesh loses contact; at which only this
+    branch has coast-side contact (far_flank_struck); and at which the motion does not settle.
     """
     ratio_names = ["largest_peak_force_ratio", "at_tuning", "at_speed_rpm"]
     events = ("contact_lost", "far_flank_struck")
@@ -151,9 +150,9 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
 
 
 def sweep_train(train: Any, tunings: Sequence[float], settings: dict) -> xr.Dataset:
-    """Compute force and contact of all meshes of a gear train over tuning.
+    """Sweep a gear train over tuning: force and contact of all meshes.
 
-    The tuning is mesh frequency over natural frequency. `settings` has the keys of
+    The tuning is mesh frequency over natural frequency. `settings` has the keys
     `many_starts.SETTINGS`: starts, first_starts, seed and spread of random initial states, periods
     and record_periods (numbers of computed and of evaluated mesh periods).
     """
@@ -172,12 +171,12 @@ def compute_campbell_diagram(
 ) -> xr.Dataset:
     """Compute the Campbell diagram of a train, and the speeds at which its meshes lose contact.
 
-    A Campbell diagram has the natural frequencies, and the speeds at which multiples of mesh
-    frequencies meet them. `characteristics` are the sweeps from `sweep_train` with `train`, or from
-    `reducer` with `pair` and `settings`, of which the case of equal branches is used. `orders` is
-    the highest multiple of each mesh frequency. In the dataset, mesh_rate is the mesh frequency of
-    each mesh divided by that of the reference mesh, contact_loss_fraction_high the largest fraction
-    of time without contact over all initial states.
+    A Campbell diagram shows the natural frequencies and the speeds at which multiples of mesh
+    frequencies coincide with them. `characteristics` has the sweeps from `sweep_train`, if `train`
+    is given, or from `sweep_reducer` with `pair` and `settings`, of which the case of equal
+    branches is used. `orders` is the highest multiple of each mesh frequency. In the dataset,
+    mesh_rate is the frequency of each mesh relative to the reference mesh, and
+    contact_loss_fraction_high the largest fraction of time without contact over all initial states.
     """
     model = train or build_reducer(pair, settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
@@ -190,17 +189,17 @@ def compute_campbell_diagram(
 
 
 def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
-    """Yield the rows of the table of intersections in a Campbell diagram, ordered by speed.
+    """Yield the rows of the table of critical speeds, ordered by speed, after the column names.
 
-    `diagram` is a dataset from `compute_campbell_diagram`. At an intersection a multiple of a mesh
-    frequency equals a natural frequency. Those above the fastest speed of the sweep are omitted;
-    modes of equal frequency share a row.
+    `diagram` is a dataset from `compute_campbell_diagram`. At a critical speed, a multiple of a
+    mesh frequency equals a natural frequency. Critical speeds above the range of the sweep are
+    omitted. Modes with equal frequencies share a row.
     """
     speeds = diagram.speed.values
     loss = diagram.contact_loss_fraction_high.values
-    # A speed counts if contact is lost in any direction of the sweep and in any mesh.
+    # Contact may be lost in any direction of the sweep and in any mesh.
     loses_contact = (loss > FRACTION_TOLERANCE).any(axis=(0, 2))
-    # Strings of a row -> (critical speed, whether the mode is excited).
+    # Texts of a row -> (critical speed, whether the mode is excited).
     intersections: dict[tuple, tuple[float, bool]] = {}
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:
@@ -214,11 +213,11 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     header = ["critical_speed_rpm", "order_over_first_mesh", "natural_frequency_hz", "mode_kind"]
     yield [*header, "excited", "contact_lost_at_the_nearest_speed_swept"]
     for texts, (speed, is_excited) in sorted(intersections.items(), key=lambda item: item[1][0]):
-        # Below the slowest speed of the sweep, contact loss is not known, so the cell is empty.
+        # Below the range of the sweep, contact loss is unknown and the cell is empty.
         contact_lost = "yes" if loses_contact[np.abs(speeds - speed).argmin()] else "no"
         yield [*texts, "yes" if is_excited else "no", contact_lost if speed >= speeds[0] else ""]
 
 
 def _format_rounded(value: float) -> str:
-    """Return a value as a string without decimals, or with three digits if it is below 100."""
+    """Format a value without decimals, or with three significant digits if it is below 100."""
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"

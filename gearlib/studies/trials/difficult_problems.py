@@ -1,12 +1,12 @@
-"""Define difficult problems, on which methods miss events, drift, invent motion or stop.
+"""Define difficult problems, on which methods miss events, drift, become unstable or stop.
 
-A problem has a quantity that is compared, and a tolerance of its error:
+Each problem states the quantity that is compared with the reference, and a tolerance of its error:
 
 =============  ===============================================================================
 quantity       error
 =============  ===============================================================================
-``state``      difference of the final states, displacement or nu times velocity, relative to
-               the height of the recorded motion or to one static deflection, if it is larger
+``state``      difference of the final states (displacement, or tuning times velocity) relative to
+               the orbit height or the static deflection, whichever is larger
 ``contacts``   number of contact events that are missing, spurious or out of order
 ``orbit``      difference of the extrema of the settled orbit, relative to its height
 ``fractions``  difference of the fractions of time in drive-side contact, without contact and
@@ -15,8 +15,8 @@ quantity       error
 ``deviation``  relative difference of the distance from the orbit without loss of contact
 =============  ===============================================================================
 
-The state of a train has all coordinates except for the rigid-body rotation; velocities are
-derivatives with respect to the mesh phase.
+The state of a train excludes the rigid-body rotation. Velocities are derivatives with respect to
+the mesh phase.
 """
 
 import math
@@ -34,7 +34,7 @@ QUANTITIES = ("state", "contacts", "orbit", "fractions", "energy", "deviation")
 
 
 class Problem(NamedTuple):
-    """One problem: a motion to compute, and the quantity that is compared."""
+    """A problem: a motion to compute, and the quantity that is compared with the reference."""
 
     description: str  #: label in the figure
     model: Any  #: GearPair, OneDegreePair, SixDegreePair or GearTrain
@@ -59,7 +59,7 @@ PAPER = GearPair(
     material_damping=3953.7,
 )
 _UNDAMPED = PAPER.replace(material_damping=0.0)
-#: For tongues: the perturbed motion keeps contact, so the backlash does not matter.
+#: Pair for instability tongues. The perturbed motion keeps contact, so the backlash has no effect.
 _UNDAMPED_WITHOUT_COAST_SIDE = _UNDAMPED.replace(backlash=math.inf)
 #: Distance in tuning from the edge of a tongue; displacement of the initial state from the orbit.
 _DISTANCE_FROM_TONGUE, _PERTURBATION = 1e-4, 1e-6
@@ -68,22 +68,21 @@ _COMPARED_CONTACTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
 
 
 def _build_pair(**changes: float) -> GearPair:
-    """Return the paper's gear pair, rounded, with changed arguments of `GearPair.from_ratios`."""
+    """Build the paper's gear pair from rounded ratios; `changes` override these ratios."""
     return GearPair.from_ratios(**(_RATIOS | {"backlash_ratio": 4.0} | changes))
 
 
 def _grazing_problem(side: str, exponent: int) -> Problem:
-    """Return a problem whose motion reverses close to the flank line, displacement 0.
+    """Return a problem whose motion reverses close to the displacement 0 (the flank line).
 
-    Beyond the flank line, at displacements below 0, contact is lost. If `side` is "past", the
-    motion reverses at -10^exponent static deflections, beyond the line; if `side` is "short of", at
-    +10^exponent.
+    Contact is lost at displacements below 0. If `side` is "past", the motion reverses at
+    -10^exponent static deflections; if it is "short of", at +10^exponent.
     """
     tuning = 0.9  # mesh frequency over natural frequency
     reversal_phase = 0.9  # rad, within the segment of high stiffness
     sign = {"past": -1.0, "short of": 1.0}[side]
     reversal_state = sign * 10.0**exponent, 0.0
-    # The start is computed backwards from the point of reversal, with the equation of contact.
+    # The initial state is integrated backwards from the reversal, with the equation in contact.
     high_stiffness = stiffness_levels(_UNDAMPED.contact_ratio, _UNDAMPED.stiffness_ratio)[0]
     start = meissner.propagate_state(
         reversal_state, high_stiffness, damping=0.0, tuning=tuning, phase=-reversal_phase
@@ -93,11 +92,11 @@ def _grazing_problem(side: str, exponent: int) -> Problem:
 
 
 def _tongue_problems(name: str, centre: float, periods: int) -> dict[str, Problem]:
-    """Return two problems, at a tuning inside an instability tongue and just beyond its edge.
+    """Return two problems at tunings inside an instability tongue and just beyond its edge.
 
     A tongue is an interval of tunings (mesh frequency over natural frequency) in which the motion
-    without contact loss is unstable. `centre` is a tuning inside it, `periods` the number of mesh
-    periods. The problems are called "tongue_<name>" and "edge_<name>".
+    without contact loss is unstable. `centre` is a tuning inside the tongue, and `periods` the
+    number of mesh periods. The problems are called "tongue_<name>" and "edge_<name>".
     """
     model = _UNDAMPED_WITHOUT_COAST_SIDE
     problems = {}
@@ -109,7 +108,7 @@ def _tongue_problems(name: str, centre: float, periods: int) -> dict[str, Proble
         (f"edge_{name}", beyond, f"beyond its edge, $\\nu$ = {beyond:.4f}"),
     ):
         displacement, velocity = meissner.orbit_state(model, tuning)
-        # The motion starts beside the orbit; the growth of this deviation is compared.
+        # The motion starts near the orbit, and the growth of its deviation is compared.
         start = displacement + _PERTURBATION, velocity
         settings = {"periods": periods, "record_periods": 1, "quantity": "deviation"}
         settings |= {"tolerance": 1e-2, "orbit": (displacement, velocity)}
@@ -122,11 +121,11 @@ def _planetary_problem(
 ) -> Problem:
     """Return a problem of a train with three planets that starts near static equilibrium.
 
-    The sun and the first planet are displaced along their base circles, in static deflections;
-    `changes` are arguments of `planetary`, `description` is the label in the figure.
+    Sun and first planet are displaced along their base circles by the given number of static
+    deflections. `changes` are arguments of `planetary`; `description` is the label in the figure.
     """
-    # Lin and Parker's train, excited at its second rotational mode of 1475 Hz, with the stiffness
-    # ratios of sun meshes and ring meshes. Coordinates "u" are displacements along base circles.
+    # The train of Lin and Parker is excited at its second rotational mode (1475 Hz). Coordinates
+    # "u" are displacements along base circles.
     train = planetary(stiffness_ratio=(0.7458, 0.7321), **changes)
     state = train.start_state("static")
     coordinates = train.structure.coordinates
@@ -139,9 +138,8 @@ def _planetary_problem(
 def _state_problems() -> dict[str, Problem]:
     """Return the problems that compare final states, as name -> `Problem`.
 
-    They are defined by rows of description, model and tuning, followed by the initial state (by
-    default rest on the drive-side flank line) and the number of mesh periods (by default 10). The
-    near flank line is the drive-side one.
+    By default the motion starts from rest where drive-side contact begins (the near flank line) and
+    lasts 10 mesh periods.
     """
     six_degrees = SixDegreePair(
         pair=PAPER,
@@ -155,9 +153,9 @@ def _state_problems() -> dict[str, Problem]:
     )
     cubic = OneDegreePair(pair=_build_pair(), cubic_damping=100.0)
     few_terms, many_terms = (OneDegreePair(pair=PAPER, profile=Fourier(n)) for n in (2, 200))
-    # The motion starts 1e4 above the coast-side flank line and reaches 0.1 below it. The free
-    # flight of 140 rad is a parabola, which all methods of order 2 or more compute exactly, so
-    # their steps grow without limit; the contact that follows lasts only 0.9 rad.
+    # Problem "double_crossing": the motion starts 1e4 above the coast-side flank line and reaches
+    # 0.1 below it. The free flight of 140 rad is a parabola, which all methods of order 2 or more
+    # compute exactly, so their steps grow without limit. The contact after it lasts only 0.9 rad.
     wide_backlash = _build_pair(damping=0.0, backlash_ratio=2e4)
     fall = (-1e4, -math.sqrt(2.0 * (1e4 + 0.1)))
     rest, coast_line = (0.0, 0.0), (-PAPER.backlash_ratio, 0.0)
@@ -167,6 +165,7 @@ def _state_problems() -> dict[str, Problem]:
     critically_damped = _build_pair(contact_ratio=1.0, damping=1.0)
     overdamped, no_backlash = _build_pair(damping=20.0), _build_pair(backlash_ratio=0.0)
     endless_backlash = _build_pair(backlash_ratio=math.inf)
+    # Description, model, tuning, and optionally initial state and number of mesh periods.
     rows = {
         "double_crossing": ("in and out within a long step", wide_backlash, 1.0, fall, 40),
         "rest_near": ("at rest on the near flank line", PAPER, 0.82),
@@ -192,13 +191,12 @@ def _state_problems() -> dict[str, Problem]:
 
 
 def build_problems() -> dict[str, Problem]:
-    """Return all difficult problems, as name -> `Problem`.
+    """Return all difficult problems as name -> `Problem`.
 
-    The orbits of the paper's pair jump at a tuning (mesh frequency over natural frequency) of
-    0.8157. Tunings of 2 and 0.6614 lie in instability tongues; the motion at 0.52 is chaotic.
+    The motion of the paper's pair jumps at the tuning (mesh frequency over natural frequency)
+    0.8157. The tunings 2 and 0.6614 are inside instability tongues; the motion at 0.52 is chaotic.
     """
     bounce = Problem("a bounce of 2e-8 rad", _UNDAMPED, 1.0, (0.0, -1e-8), **_COMPARED_CONTACTS)
-    # The extrema of the last 24 mesh periods are compared.
     fold = {"periods": 96, "record_periods": 24, "quantity": "orbit", "tolerance": 1e-2}
     chaos = Problem(
         "chaos",
@@ -208,7 +206,7 @@ def build_problems() -> dict[str, Problem]:
         record_periods=3900,
         short_periods=60,
         quantity="fractions",
-        # Fractions of time over so few periods scatter by this amount.
+        # Fractions of time vary by this amount between records of this length.
         tolerance=0.05,
     )
     conservative = Problem(
@@ -235,8 +233,8 @@ def build_problems() -> dict[str, Problem]:
         "conservative": conservative,
         **_tongue_problems("2", centre=2.0, periods=36),
         **_tongue_problems("066", centre=0.6614, periods=64),
-        # Meshes of three planets lose contact simultaneously or 1e-12 rad apart. Their references
-        # are exact runs, which two other programs confirm.
+        # Meshes of three planets lose contact simultaneously or 1e-12 rad apart. The references are
+        # exact runs, which were confirmed with two other programs.
         "planets_at_once": _planetary_problem("three meshes part at once"),
         "planets_apart": _planetary_problem(
             "three meshes part 1e-12 apart", planet_displacement=5e-12

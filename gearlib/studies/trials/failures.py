@@ -1,14 +1,14 @@
 """Judge methods on difficult problems by rules.
 
-The reference of a run is computed by the exact propagator if it can run the model, else by Taylor
-steps. These two are compared with each other; if only one of them can run the model, its reference
-is scipy's DOP853, restarted at events, with a tolerance of 1e-13. The first rule that applies gives
-the verdict:
+The reference of a run is computed by the exact propagator if it supports the model, else by Taylor
+steps. The references of these two methods are computed by the other one or, if that does not
+support the model, by scipy's DOP853 with restarts at events and a tolerance of 1e-13. The first
+rule that applies determines the verdict:
 
 ==================  ===========================================================================
 verdict             rule
 ==================  ===========================================================================
-refused             the method cannot run the model
+refused             the method does not support the model
 diverged            the motion left the range of floating-point numbers, or its height is more
                     than `DIVERGENCE_RATIO` times the height of the reference or one static
                     deflection, if that is larger
@@ -44,47 +44,47 @@ from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.studies.trials.difficult_problems import Problem, build_problems
 
-#: Names of the verdicts in the order of their codes.
+#: Names of the verdicts; the index is the code.
 VERDICTS = (
     "right inaccurate missed_event wrong_attractor invented_motion diverged stalled refused"
 ).split()
-#: Orbits that differ by more than this, relative to the height, are different attractors.
+#: Orbits whose relative difference exceeds this value are different attractors.
 MIN_ATTRACTOR_CHANGE = 0.05
-#: A motion is invented if its height exceeds the height of a steady reference by this factor.
+#: A motion is spurious if its height exceeds the height of a steady reference by this factor.
 MAX_GROWTH = 2.0
 #: A motion has diverged if its height exceeds the height of the reference by this factor.
 DIVERGENCE_RATIO = 1e3
-#: Limit on steps or arcs per mesh period: more than any problem needs.
+#: Maximum number of steps or arcs per mesh period, more than any problem needs.
 MAX_EVENTS = 30_000
-#: Reference method and options for models that only one solver of the library can run.
+#: Reference method and options for models that only one accurate method supports.
 SPLIT_REFERENCE = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": True})
 
 
 class Outcome(NamedTuple):
-    """The quantities of a run that the rules compare; NaN if the run stopped early."""
+    """The quantities of a run to which the rules apply; NaN if the run stopped early."""
 
     status: int
-    state: tuple = (math.nan, math.nan)  #: final coordinates and velocities, no rigid-body rotation
+    state: tuple = (math.nan, math.nan)  #: final state without rigid-body rotation
     low: float = math.nan  #: smallest recorded displacement
     high: float = math.nan  #: largest recorded displacement
     #: Fractions of time in drive-side contact, without contact, in coast-side contact.
     fractions: tuple = (math.nan, math.nan, math.nan)
     bounces: float = math.nan  #: per mesh period
-    period: int = 0  #: mesh periods after which the motion repeats; 0: it does not
-    contacts: tuple = ()  #: contact states (before, after) of every event; of trains mesh by mesh
+    period: int = 0  #: mesh periods after which the motion repeats; 0: not periodic
+    contacts: tuple = ()  #: contact states (before, after) of every event; for trains sorted by mesh
     evaluations: int = 0
 
     @property
     def height(self):
-        """Return the height of the recorded motion, static deflections."""
+        """Return the peak-to-peak displacement of the recorded motion, in static deflections."""
         return self.high - self.low
 
 
 def extract_outcome(run: xr.Dataset, model: Any) -> Outcome:
-    """Return the `Outcome`, the quantities that are compared, of a result of `gearlib.simulate`.
+    """Extract the `Outcome`, the quantities to be compared, from a result of `gearlib.simulate`.
 
     `model` is the simulated model. Fractions of time and bounces of gear trains are means over the
-    meshes. A run that stopped early has only a status.
+    meshes. If the run stopped early, the outcome only has a status.
     """
     if int(run.status) != status.OK:
         return Outcome(int(run.status))
@@ -110,10 +110,10 @@ def extract_outcome(run: xr.Dataset, model: Any) -> Outcome:
 
 
 def _state_distance(tuning: float, state: ArrayLike, other: ArrayLike) -> float:
-    """Return the distance of two states, their largest difference in any coordinate.
+    """Return the maximum difference of two states over all coordinates.
 
-    A state has all displacements, then all velocities. Differences of velocities, derivatives with
-    respect to the mesh phase, are multiplied by the tuning (mesh frequency over natural frequency).
+    States are displacements followed by velocities (derivatives with respect to the mesh phase).
+    Velocity differences are scaled by the tuning (mesh frequency over natural frequency).
     """
     difference = np.abs(np.subtract(state, other))
     displacements, velocities = np.split(difference, 2)
@@ -121,33 +121,32 @@ def _state_distance(tuning: float, state: ArrayLike, other: ArrayLike) -> float:
 
 
 def count_wrong_contacts(contacts: Sequence, expected: Sequence) -> int:
-    """Return the number of contact events that are missing, spurious or out of order.
+    """Count the contact events that are missing, spurious or out of order.
 
-    Both arguments are sequences of events, each with the contact states before and after it.
+    Both arguments are sequences of events (contact state before, contact state after).
     """
     differing = sum(a != b for a, b in zip(contacts, expected, strict=False))
     return differing + abs(len(contacts) - len(expected))
 
 
 def energy_or_deviation(problem: Problem, outcome: Outcome) -> float:
-    """Return the energy of the final state, or its distance from the orbit without contact loss.
+    """Return the energy of the final state, or its deviation from the orbit without contact loss.
 
-    The quantity is the one that the problem compares, "energy" or "deviation". It must not grow
-    beyond that of the reference; growth is an error of the method.
+    `problem.quantity` selects the quantity, "energy" or "deviation".
     """
     if problem.quantity == "energy":
-        # The stiffness is constant: equilibrium is at 1, the natural frequency is 1 / tuning.
+        # The stiffness is constant, with equilibrium at 1 and the natural frequency 1 / tuning.
         displacement, velocity = outcome.state
         return 0.5 * ((displacement - 1.0) ** 2 + (problem.tuning * velocity) ** 2)
     return _state_distance(problem.tuning, outcome.state, problem.orbit)
 
 
 def compute_error(problem: Problem, outcome: Outcome, reference: Outcome) -> float:
-    """Return the error of a completed run in the quantity that its problem compares.
+    """Return the error of a completed run in the quantity that the problem compares.
 
-    `outcome` is the run of the method under test, `reference` the accurate one. The quantities
-    "contacts", "fractions", "energy", "deviation", "orbit" (extrema) and "state" are those of
-    `Problem.quantity`.
+    `outcome` is the result of the method under test, and `reference` the accurate result.
+    `problem.quantity` is "contacts", "fractions", "energy", "deviation", "orbit" (extrema) or
+    "state".
     """
     match problem.quantity:
         case "contacts":
@@ -166,12 +165,12 @@ def compute_error(problem: Problem, outcome: Outcome, reference: Outcome) -> flo
 
 
 def _is_other_attractor(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
-    """Return whether a run has settled on another motion than the reference.
+    """Return whether a run has settled on a different motion than the reference.
 
-    Its period differs, or fractions of time, bounces or the height differ by more than
-    `MIN_ATTRACTOR_CHANGE`.
+    On a different motion, the period differs, or fractions of time, bounces or the relative height
+    differ by more than `MIN_ATTRACTOR_CHANGE`.
     """
-    # For motions that do not repeat, only fractions of time can be compared.
+    # Chaotic motions can only be compared by fractions of time.
     changes = [*np.abs(np.subtract(outcome.fractions, reference.fractions))]
     if problem.quantity == "orbit":
         changes.append(abs(outcome.bounces - reference.bounces))
@@ -180,15 +179,15 @@ def _is_other_attractor(problem: Problem, outcome: Outcome, reference: Outcome) 
 
 
 def _is_spurious(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
-    """Return whether a motion is larger than possible, which only errors of a method can cause.
+    """Return whether a motion is larger than is physically possible.
 
-    If energy or deviation is compared, it must not exceed that of the reference. Else a steady
-    reference must not be exceeded in height by the factor `MAX_GROWTH`.
+    If energy or deviation is compared, it must not exceed the reference. Otherwise the height of
+    the motion must not exceed that of a steady reference by the factor `MAX_GROWTH`.
     """
     if problem.quantity in ("energy", "deviation"):
-        possible = energy_or_deviation(problem, reference)
-        return energy_or_deviation(problem, outcome) > possible
-    # A reference at rest also has a period, and a height of rounding errors.
+        upper_limit = energy_or_deviation(problem, reference)
+        return energy_or_deviation(problem, outcome) > upper_limit
+    # A reference at rest has a period, too, and its height consists of rounding errors.
     is_steady = reference.period > 0
     return is_steady and outcome.height > MAX_GROWTH * max(reference.height, problem.tolerance)
 
@@ -196,16 +195,16 @@ def _is_spurious(problem: Problem, outcome: Outcome, reference: Outcome) -> bool
 def classify_run(problem: Problem, outcome: Outcome, reference: Outcome) -> tuple[str, float]:
     """Return the verdict on a run by the first rule that applies, and the error of the run.
 
-    `outcome` is the run of the method under test, `reference` the accurate one. The verdict is
-    "right" if the error is within the tolerance of the problem, else the kind of failure, such as
-    "invented_motion". The error is NaN if the run stopped early.
+    `outcome` is the result of the method under test, and `reference` the accurate result. The
+    verdict is "right" if the error is within the tolerance of the problem, else the kind of
+    failure, such as "missed_event". The error is NaN if the run stopped early.
     """
     if outcome.status != status.OK:
         return "diverged" if outcome.status == status.OVERFLOW else "stalled", math.nan
     run_error = compute_error(problem, outcome, reference)
     settles = problem.quantity in ("orbit", "fractions")
     both_or_none_repeat = (outcome.period == 0) == (reference.period == 0)
-    # The negation is also true for NaN.
+    # This condition is also true for NaN.
     if not outcome.height <= DIVERGENCE_RATIO * max(1.0, reference.height):
         return "diverged", run_error
     if run_error <= problem.tolerance and (both_or_none_repeat or problem.quantity != "fractions"):
@@ -222,17 +221,16 @@ def classify_run(problem: Problem, outcome: Outcome, reference: Outcome) -> tupl
 def run_method(
     problem: Problem, method: str, options: dict, periods: int, max_events: int = MAX_EVENTS
 ) -> Outcome:
-    """Run a method with options on a problem over a number of mesh periods; return its outcome.
+    """Run a method with options on a problem over a number of mesh periods; return its `Outcome`.
 
-    `max_events` limits the steps, or arcs between events, per mesh period. A run that exceeds it
-    stops early.
+    The run stops early if it exceeds `max_events` steps, or arcs between events, per mesh period.
     """
     result = simulate(
         problem.model,
         problem.tuning,
         periods=periods,
         record_periods=min(periods, problem.record_periods or periods),
-        # Step methods find extrema only at the ends of steps and at samples, so many are taken.
+        # Step methods evaluate extrema only at steps and samples, so many samples are needed.
         samples_per_period=256 if problem.quantity == "orbit" else 1,
         initial_state=problem.state,
         method=method,
@@ -244,10 +242,10 @@ def run_method(
 
 
 def choose_reference_method(problem: Problem, method: str) -> tuple[str, dict]:
-    """Return the name and the options of the method against which `method` is judged.
+    """Return the name and the options of the reference method for `method` on a problem.
 
-    It is the first automatic method of the library that supports the model of the problem, but not
-    `method` itself. If there is none, it is a solver of scipy that is restarted at events.
+    The reference method is the first automatic method of the library, other than `method`, that
+    supports the model. If there is none, it is a solver of scipy with restarts at events.
     """
     for reference_name in integrators.AUTOMATIC:
         if reference_name != method and integrators.METHODS[reference_name].supports(problem.model):
@@ -258,20 +256,20 @@ def choose_reference_method(problem: Problem, method: str) -> tuple[str, dict]:
 def judge_run(problem: Problem, method: str, options: dict) -> dict:
     """Run a method with these options on a problem; return verdict, error and further data.
 
-    The dict has the variables of the dataset: verdict (index in `VERDICTS`), error in the quantity
-    that the problem compares, periods of the run, evaluations of the right-hand side, judge (name
-    of the reference method), and message, which tells why a run stopped early or, for the verdict
-    "refused", why the method does not support the model.
+    The dict has the keys verdict (index in `VERDICTS`), error in the quantity that the problem
+    compares, periods of the run, evaluations of the right-hand side, judge (name of the reference
+    method), and message, which states why the run stopped early or why the method does not support
+    the model.
     """
     verdict, run_error, periods, evaluations, reference_name = "refused", math.nan, 0, 0, ""
     message = integrators.reason_unsupported(problem.model, method)
     if not message:
-        # Interpreted steps of scipy are thousands of times slower than compiled steps.
+        # scipy is thousands of times slower, because its right-hand side is interpreted.
         short_periods = problem.short_periods if method == "scipy" else None
         periods = short_periods or problem.periods
         reference_name, reference_options = choose_reference_method(problem, method)
         outcome = run_method(problem, method, options, periods)
-        # The limit on the arcs of the reference is so high that it is never reached.
+        # The reference must never reach the limit on arcs.
         reference = run_method(
             problem, reference_name, reference_options, periods, max_events=1_000_000
         )
@@ -290,17 +288,17 @@ def judge_run(problem: Problem, method: str, options: dict) -> dict:
 def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
     """Run a method with these options on all difficult problems, and judge every run.
 
-    `method` is a name of `gearlib.methods`. The dataset has the dimensions problem and trial. A
-    trial is a method with options. There is only one here; `name` is its label in figures and
-    tables that compare several trials.
+    `method` is a name of `gearlib.methods`. The dataset has the dimensions problem and trial (a
+    method with options). It has a single trial, labelled `name`, so that datasets of several
+    methods can be concatenated.
     """
     problems_by_name = build_problems()
 
     def problem_variables(problem_name: str) -> dict:
-        """Return the variables that define a problem; "words" is its description in the figure."""
+        """Return the variables that define a problem; "words" is its label in the figure."""
         problem = problems_by_name[problem_name]
         displacement = velocity = math.nan
-        if len(problem.state) == 2:  # the longer states of gear trains are not stored
+        if len(problem.state) == 2:  # longer states of gear trains are not stored
             displacement, velocity = problem.state
         return {
             "words": problem.description,
@@ -313,7 +311,7 @@ def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
         }
 
     def verdict_variables(problem_name: str, trial: str) -> dict:
-        """Return verdict, error and cost on a problem. `trial`, the only label, is not used."""
+        """Return verdict, error and cost on a problem; `trial` is always `name`."""
         return judge_run(problems_by_name[problem_name], method, options)
 
     problem_axis = {"problem": list(problems_by_name)}

@@ -14,7 +14,7 @@ from gearlib.runs.simulation import simulate
 
 
 class Case(NamedTuple):
-    """Tuning and damping of a test problem."""
+    """Tuning, damping and kind of motion of a test problem."""
 
     tuning: float
     damped_in_contact: bool  #: whether linear damping acts in contact
@@ -22,7 +22,7 @@ class Case(NamedTuple):
     settles: bool  #: whether the motion settles on an orbit of one mesh period
 
 
-#: Name -> `Case`. With eccentricities, six degrees of freedom repeat only after a revolution.
+#: Name -> `Case`. The six-degree model has run-out, so it only repeats after a revolution.
 CASES = {
     "smooth": Case(0.7, True, True, settles=True),
     "bouncing": Case(0.9, True, True, settles=True),
@@ -35,7 +35,7 @@ CASES = {
 
 
 class Problem(NamedTuple):
-    """One test problem: a motion from rest on the flank line."""
+    """A test problem: a motion from rest where drive-side contact begins."""
 
     model: Any  #: GearPair, OneDegreePair, SixDegreePair or GearTrain
     tuning: float
@@ -45,7 +45,7 @@ class Problem(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Final state and events of a run; NaN and no events if the run stopped early."""
+    """Final state and contact events of a run; NaN and no events if the run stopped early."""
 
     state: np.ndarray  #: final displacement and dx/dtau; for a train, of its first mesh
     phases: np.ndarray  #: phases of the contact events in the record, rad from the start of the run
@@ -54,12 +54,12 @@ class Motion(NamedTuple):
 
 
 def build_problem(name: str, pair: GearPair, six_degrees: dict, settings: dict) -> Problem:
-    """Return the test problem with a name of `CASES`: a model, a tuning and mesh periods.
+    """Build the test problem called `name`, one of `CASES`.
 
-    `pair` is undamped, `six_degrees` has further arguments of `SixDegreePair`. `settings` has
-    damping (N s/m), cubic_damping (N s^3/m^3), periods (numbers of mesh periods),
-    conservative_periods (for problems whose runs must be short) and record_periods (recorded at the
-    end).
+    `pair` is undamped, and `six_degrees` has further arguments of `SixDegreePair`. `settings` has
+    the keys damping (N s/m), cubic_damping (N s^3/m^3), periods (number of mesh periods),
+    conservative_periods (number of mesh periods of short runs) and record_periods (number of mesh
+    periods recorded at the end).
     """
     case = CASES[name]
     damping = settings["damping"]
@@ -73,9 +73,9 @@ def build_problem(name: str, pair: GearPair, six_degrees: dict, settings: dict) 
         cubic = settings["cubic_damping"]
         model = OneDegreePair(pair=model, cubic_damping=cubic, backlash_cubic_damping=cubic)
     elif name == "reducer":
-        # Three equal branches on fixed axes: their meshes lose contact simultaneously.
+        # The meshes of three equal branches on fixed axes lose contact simultaneously.
         model = split_power_reducer(model, support_stiffness=math.inf)
-    # Without damping, rounding errors grow with every bounce; runs of trains are slow.
+    # Without damping, rounding errors grow with every bounce. Runs of trains are slow.
     is_short = name in ("conservative", "reducer")
     periods = settings["conservative_periods" if is_short else "periods"]
     record_periods = min(settings["record_periods"], periods)
@@ -85,11 +85,11 @@ def build_problem(name: str, pair: GearPair, six_degrees: dict, settings: dict) 
 def run_problem(
     problem: Problem, method=None, options=None, state: Sequence[float] = (0.0, 0.0), periods=None
 ) -> Motion:
-    """Run a method with options on a test problem, and return final state and contact events.
+    """Run a method with options on a test problem; return final state and contact events.
 
-    None is the automatic method. The motion starts from `state`, (displacement, velocity dx/dtau
-    with the mesh phase tau), and lasts for `periods` mesh periods, by default as many as the
-    problem has.
+    If `method` is None, the automatic method is used. The motion starts from `state` (displacement
+    and its derivative with respect to the mesh phase) and lasts `periods` mesh periods, by default
+    `problem.periods`.
     """
     periods = periods or problem.periods
     data = simulate(
@@ -105,9 +105,9 @@ def run_problem(
     final_state = data.final_state.values
     event_order = np.arange(data.sizes["event"])
     if problem.model.mesh_names:
-        # Displacement of the first mesh and its derivative, from all coordinates of the train.
+        # Convert the state of the train to displacement and velocity of the first mesh.
         final_state = final_state.reshape(2, -1) @ problem.model.structure.mesh_jacobian[0]
-        # Simultaneous events of several meshes have no order in time, so they are sorted by mesh.
+        # Simultaneous events of several meshes have no unique order, so they are sorted by mesh.
         event_order = np.argsort(data.event_mesh.values, kind="stable")
     phases = data.event_phase.values[event_order]
     codes = np.column_stack([data.event_from.values, data.event_to.values])[event_order]
@@ -115,7 +115,7 @@ def run_problem(
 
 
 def period_map_jacobian(period_map: Callable, state: np.ndarray, step: Any) -> np.ndarray:
-    """Return the Jacobian, shape (2, 2), of a map from a state to the state a mesh period later.
+    """Return the Jacobian (monodromy matrix), shape (2, 2), of the map over one mesh period.
 
     It is approximated at `state`, shape (2,), by central differences with the half width `step`, a
     float or a `Decimal`. Its eigenvalues are the Floquet multipliers.
