@@ -1,4 +1,4 @@
-"""`tongues`: tunings of parametric resonance, at which steady contact is unstable."""
+"""`tongues`: intervals of tunings with parametric resonance, where steady contact is unstable."""
 
 import math
 from typing import Annotated, Any
@@ -15,10 +15,9 @@ from gearlib.parameters import NonNegative, Numbers, Unit, checked
 from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MaxSeconds, Tuning
 
-#: Parameters that may be varied.
+#: Parameters that can be varied.
 PARAMETERS = ("stiffness_ratio", "contact_ratio", "damping")
-#: Smallest tuning: below it there are hundreds of tongues, and the growth per mesh period
-#: overflows.
+#: Smallest tuning; at lower tunings there are hundreds of tongues, and the growth overflows.
 MIN_TUNING = 0.02
 #: Name of a dataset variable -> (field of `Tongue`, value if there is no tongue).
 _COLUMNS = {
@@ -43,28 +42,29 @@ def tongues(
 ):
     """Find the tongues of parametric resonance: intervals of tunings with unstable steady contact.
 
-    Small perturbations of the motion without loss of contact obey Hill's equation, with rectangular
-    stiffness Meissner's equation. A tongue of order n, near nu = 2 / n, is an interval of tunings
-    in which they grow from mesh period to mesh period; on its edges a Floquet multiplier is (-1)^n.
-    Damping narrows and finally closes it.
+    Small perturbations of the motion without loss of contact obey Hill's equation or, if the
+    stiffness is rectangular, Meissner's equation. A tongue of order n, near nu = 2 / n, is an
+    interval of tunings in which perturbations grow from mesh period to mesh period. At its edges a
+    Floquet multiplier is (-1)^n. Damping narrows and finally closes the tongue.
 
     Parameters
     ----------
     model : GearPair, OneDegreePair, SixDegreePair or GearTrain
-        The backlash is ignored. One degree of freedom with rectangular stiffness has closed forms,
-        others a numerical monodromy matrix, see `gearlib.analysis.tongues.hill_tongues`.
+        The backlash is ignored. Models with one degree of freedom and rectangular stiffness have
+        closed-form solutions; for all others a numerical monodromy matrix is computed, see
+        `gearlib.analysis.tongues.hill_tongues`.
     start, stop : float
-        Range of tunings, 0.02 <= start < stop. Tongues that overlap it are returned with both
-        edges; with six degrees of freedom they are truncated.
+        Range of tunings, 0.02 <= start < stop. Tongues that overlap the range are returned with
+        both edges; with six degrees of freedom they are truncated.
     parameter : {"stiffness_ratio", "contact_ratio", "damping"}, optional
-        Parameter that is varied: kappa, epsilon, or the damping ratio beta of the contact. The
-        first two leave the damping ratio unchanged. Tabulated stiffness and six degrees of freedom
-        only allow "damping"; a `GearTrain` allows stiffness_ratio, contact_ratio or
-        material_damping, each for all its meshes.
+        Parameter that is varied: kappa, epsilon, or the damping ratio beta in contact. The first
+        two leave the damping ratio unchanged. Tabulated stiffness and six degrees of freedom allow
+        only "damping"; a `GearTrain` allows stiffness_ratio, contact_ratio or material_damping,
+        each for all its meshes.
     values : sequence of float, shape (v,), optional
         Values of this parameter.
     step : float, default 0.002
-        Step of the tunings that are scanned with more than one degree of freedom.
+        Step of the scan over tunings for models with more than one degree of freedom.
     max_seconds : float, optional
         Time limit in seconds, after which the tongues at the parameter values completed so far are
         returned, see `gearlib.progress`.
@@ -72,23 +72,23 @@ def tongues(
     Returns
     -------
     xarray.Dataset
-        Over (parameter, order), or with six degrees of freedom (parameter, tongue), without the
-        parameter if there is none: tuning_from and tuning_to, the edges, equal if a tongue is a
-        point, NaN if it is closed or out of range; edge_multiplier, 0 for a complex pair; growth,
-        the largest logarithm of a multiplier in the tongue, negative if it is closed, and
-        growth_tuning, the tuning of this maximum. Without `parameter` also closing_damping, the
-        damping ratio of the contact above which the tongue is closed (NaN if there is none).
+        Over (parameter, order), or (parameter, tongue) with six degrees of freedom; without
+        `parameter`, over order or tongue only: tuning_from and tuning_to, the edges, equal if a
+        tongue is a point, NaN if it is closed or out of range; edge_multiplier, 0 for a complex
+        pair; growth, the largest logarithm of a multiplier in the tongue, negative if it is closed,
+        and growth_tuning, the tuning of this maximum. Without `parameter` also closing_damping, the
+        damping ratio in contact above which the tongue is closed (NaN if there is none).
 
     Raises
     ------
     ValueError
-        If an argument is invalid, or for nonlinear damping or stiffness, where the stability
-        depends on the motion: see `gearlib.periodic_orbit`.
+        If an argument is invalid, or if damping or stiffness is nonlinear, because the stability
+        then depends on the motion; see `gearlib.periodic_orbit`.
 
     Notes
     -----
-    Edges in closed form are accurate to about 1e-15, less close to the damping at which both edges
-    of a tongue meet. Equations: `gearlib.analysis.tongues.meissner`.
+    Closed-form edges are accurate to about 1e-15, and less accurate near the damping at which both
+    edges of a tongue meet. For the equations see `gearlib.analysis.tongues.meissner`.
     """
     checks.require(stop > start, "stop", stop, f"> start = {start!r}")
     model = linear_contact_model(model)
@@ -127,12 +127,11 @@ def tongues(
 
 
 def linear_contact_model(model: Any) -> Any:
-    """Check that a model is linear in contact, and return the model whose tongues are computed.
+    """Check that a model is linear in contact, and return the model whose stability is analysed.
 
-    Tongues are intervals of tunings with unstable steady contact. With rectangular stiffness, which
-    has two levels, return the `GearPair` of the model, because both have the same stability and
-    closed forms exist; otherwise the model itself. Raise ValueError if the model is nonlinear or
-    has no gears.
+    If the stiffness is rectangular (with two levels), return the `GearPair` of the model, which has
+    the same stability and a closed-form solution; otherwise return the model itself. Raise
+    ValueError if the model is nonlinear in contact or has no gears.
     """
     # Gear pairs have a `pair`, trains `mesh_names`; one degree of freedom needs an `equation`.
     has_gears = is_model(model) and (model.pair or model.mesh_names)
@@ -149,9 +148,9 @@ def linear_contact_model(model: Any) -> Any:
 def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> list:
     """Find the `Tongue`s of a linear model that overlap the tunings from `start` to `stop`.
 
-    A tongue is an interval of tunings (mesh frequency / natural frequency) in which steady
-    contact is unstable. For models with several degrees of freedom the tunings are scanned in steps
-    of `step`.
+    A tongue is an interval of tunings (mesh frequency / natural frequency) in which steady contact
+    is unstable. `step` is the step of the scan over tunings for models with several degrees of
+    freedom.
     """
     if model.pair is model:  # a `GearPair`
         equation = meissner.equation_of_pair(model)
@@ -165,11 +164,11 @@ def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> 
 
 
 def closing_damping(model: Any, tongue: meissner.Tongue) -> float:
-    """Return the damping ratio of the contact above which a tongue of a model is closed.
+    """Return the damping ratio in contact above which a tongue of a model is closed.
 
-    A tongue is an interval of tunings with unstable steady contact; if it is closed, all of them
-    are stable. The result is 0 for a tongue without any width at zero damping, and NaN if no
-    damping ratio below 1 closes it.
+    A tongue is an interval of tunings in which steady contact is unstable; above this damping ratio
+    there is no such interval. The result is 0 if the tongue has no width even without damping, and
+    NaN if no damping ratio below 1 closes it.
     """
     if model.pair is model:  # a `GearPair`
         return meissner.closing_damping(model.contact_ratio, model.stiffness_ratio, tongue.order)
@@ -181,9 +180,9 @@ def closing_damping(model: Any, tongue: meissner.Tongue) -> float:
 def replace_parameter(model: Any, parameter: str, value: float) -> Any:
     """Return a copy of a model with another value of a parameter.
 
-    The parameter of a `GearTrain` is any of its own parameters. For other models it is "damping",
-    the damping ratio, or "stiffness_ratio" or "contact_ratio", which leave the damping ratio
-    unchanged. Raise ValueError if the model does not have the parameter.
+    For a `GearTrain`, any of its parameters is allowed. For other models, `parameter` is "damping"
+    (the damping ratio in contact), "stiffness_ratio" or "contact_ratio"; the last two leave the
+    damping ratio unchanged. Raise ValueError if the model does not have the parameter.
     """
     if model.mesh_names:
         return model.with_parameter(parameter, value)
@@ -202,12 +201,12 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
 def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension: str) -> tuple:
     """Return (variables, coordinates) of a dataset of tongues.
 
-    `tongue_lists` has a list of `Tongue`s (intervals of tunings with unstable steady contact) for
-    each of the `values` of the parameter named `parameter`, or a single list if that is None.
-    `dimension` is "order", or "tongue" if tongues have no order and are counted from 1. Where a
-    tongue does not exist, the variables are NaN, or 0 for the multiplier.
+    `tongue_lists` contains a list of `Tongue`s (intervals of tunings with unstable steady contact)
+    for each of the `values` of the parameter, or a single list if `parameter` is None. `dimension`
+    is "order", or "tongue" if tongues have no order and are counted from 1. Where a tongue does not
+    exist, the multiplier is 0, and the other variables are NaN.
     """
-    # For each parameter value: order or number of a tongue -> tongue.
+    # For each parameter value, a mapping from the order or the number of a tongue to the tongue.
     if dimension == "order":
         numbered = [{tongue.order: tongue for tongue in tongues} for tongues in tongue_lists]
     else:
