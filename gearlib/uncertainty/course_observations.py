@@ -1,7 +1,7 @@
-"""Compare measured time histories by their mesh orders, at constant speed and in run-ups.
+"""Compare the mesh orders of measured time histories, at constant speed and in run-ups.
 
 A regression over each revolution fits the complex mesh orders together with an offset and the first
-shaft orders, so that the offset of a sensor and the eccentricity of a gear do not enter.
+shaft orders, so that the offset of a sensor and the eccentricity of a gear have no effect.
 """
 
 import json
@@ -20,9 +20,9 @@ from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty import observation
 from gearlib.uncertainty.observation import Channel, Curve, Observation, Prediction
 
-#: Measured direction (0 from rest, 1 up, -1 down) -> direction of the sweep that ends at the
-#: measured speed, ratio of its first speed to the measured speed, number of speeds.
-_SWEEP_SETTINGS = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
+#: Measured direction (0 from rest, 1 up, -1 down) -> sweep that ends at the measured speed: its
+#: direction, ratio of its first speed to the measured speed, number of speeds.
+_SWEEPS_TO_SPEED = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
 #: Number of mesh orders that are compared.
 ORDERS = 4
 _ORDER_NUMBERS = np.arange(1, ORDERS + 1)
@@ -32,19 +32,19 @@ _CURVE_POINTS = 200
 _SAME_PHASE_TOLERANCE = 1e-9
 #: Smallest standard deviation of the speed of a jump, rpm.
 _MIN_SPEED_STD = 1e-9
-#: Numbers of revolutions of a run-up that are not compared, at its start and around each jump.
+#: Numbers of revolutions of a run-up that are not compared: at its start and around each jump.
 _SKIPPED_AT_START, _SKIPPED_BEFORE_JUMP, _SKIPPED_AFTER_JUMP = 6, 4, 24
-#: Arguments of `run_up` that ``known.options`` may have.
+#: Arguments of `run_up` that ``known.options`` may contain.
 _RUN_UP_OPTIONS = ("load", "driver", "driven_mass", "base_radius", "initial_state")
 
 
 def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
     """Return one `Observation` for each condition of a measured data set with time histories.
 
-    An observation has measured values and a function that predicts them for a model. `data` is a
+    An observation has measured values and a function that predicts them with a model. `data` is a
     dataset over ``sample`` with displacement, time and speed; a condition is a named part of a
-    measurement. Each has a constant speed, or there is a single run-up. `mesh` is the index of the
-    mesh whose displacement was measured.
+    measurement. Each condition has a constant speed, or there is a single run-up. `mesh` is the
+    index of the mesh whose displacement was measured.
     """
     histories = [data]
     if "condition" in data.coords:
@@ -59,8 +59,8 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
             observations.append(_run_up_observation(model, history, mesh))
         else:
             raise ValueError(
-                f"data has {len(histories)} conditions with time histories: each must have one "
-                "speed; pass each run-up as a separate data set"
+                f"data has {len(histories)} conditions with time histories: each of them must have "
+                "a constant speed; pass each run-up as a separate data set"
             )
     return observations
 
@@ -68,9 +68,9 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
 def _speed_course(metadata: dict) -> tuple[list, dict]:
     """Return the speed course of a run-up, rows (s, rpm), and keyword arguments of `run_up`.
 
-    Both are read from `metadata`, the JSON object in the attribute "known" of a measured data set,
-    as its entries "course" and "options" (such as load and driver). Raise ValueError if the course
-    is missing or invalid.
+    They are the entries "course" and "options" (such as load and driver) of `metadata`, the JSON
+    object in the attribute "known" of a measured data set. Raise ValueError if the course is
+    missing or invalid.
     """
     if "course" not in metadata:
         raise ValueError("known.course is missing: a run-up needs its speed course, rows (s, rpm)")
@@ -84,13 +84,14 @@ def _speed_course(metadata: dict) -> tuple[list, dict]:
         raise ValueError(f"known.course: {error}") from None
 
 
-def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarray, float]:
+def _check_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarray, float]:
     """Check a time history; return (metadata, displacements, phase factors, mesh periods).
 
     The metadata are the JSON object in the attribute "known" of the dataset `data`. The
     displacements, (n,), have the units of the data. The phase factors, complex (ORDERS,), shift the
     mesh orders of a model (Fourier coefficients at multiples of the mesh frequency) to the mesh
-    phase at the start of the measurement. The mesh periods are counted per revolution.
+    phase at the start of the measurement. The last value is the number of mesh periods per
+    revolution.
     """
     text = data.attrs.get("known", "{}")
     metadata: Any = None
@@ -112,21 +113,21 @@ def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarra
 
 
 def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
-    """Return the `Channel` (measured values and their deviations) of the mesh orders of a signal.
+    """Return the `Channel` (measured values and their deviations) for the mesh orders of a signal.
 
     `name` is the name of the channel, and `displacement` the measured signal, an xarray variable
     whose attributes describe the sensor. `orders`, complex (blocks, ORDERS), are the Fourier
     coefficients of blocks of samples at the first multiples of the mesh frequency.
-    `variance_ratios`, (blocks,), are their variances over the variance of a sample.
+    `variance_ratios`, (blocks,), are their variances relative to the variance of a sample.
     """
     noise = float(displacement.attrs.get("noise_std", 0.0))  # 0: unknown
-    # If the noise is unknown, only the relative weights of blocks matter.
+    # If the noise is unknown, only the ratios of the deviations matter.
     sample_std = noise or float(np.std(displacement.values))
     values = _real_and_imaginary(orders)
     return Channel(
         name,
         values,
-        # Real and imaginary part each have half of the variance of an order.
+        # The real and the imaginary part each have half of the variance of an order.
         deviations=np.repeat(sample_std * np.sqrt(0.5 * variance_ratios), 2 * ORDERS),
         noise_known=bool(noise),
         unknown_gain=bool(displacement.attrs.get("unknown_gain", 0)),
@@ -141,21 +142,21 @@ def _real_and_imaginary(orders: np.ndarray) -> np.ndarray:
 
 
 def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the `Observation` of a time history at constant speed: the mesh orders of its orbit.
+    """Return the `Observation` of a time history at constant speed: the mesh orders of an orbit.
 
     Mesh orders are Fourier coefficients at multiples of the mesh frequency. `data` is a dataset
-    over samples with one speed, `mesh` the index of the measured mesh of the model.
+    over samples with a single speed, `mesh` the index of the measured mesh of the model.
     """
-    _, displacements, phase_factors, mesh_periods = _checked_history(model, data)
+    _, displacements, phase_factors, mesh_periods = _check_history(model, data)
     speed = float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
     # The direction in which the speed was reached: 1 up, -1 down, 0 from rest.
     measured_direction = int(data.direction.values[0]) if "direction" in data.coords else 0
-    direction, first_speed_ratio, speed_count = _SWEEP_SETTINGS[measured_direction]
+    direction, first_speed_ratio, speed_count = _SWEEPS_TO_SPEED[measured_direction]
     revolutions = data.time.values * speed / 60.0
-    # One block with all samples, including the last one.
+    # A single block contains all samples, including the last one.
     edges = np.array([revolutions[0], np.nextafter(revolutions[-1], np.inf)])
-    # The minimum of ten samples per mesh period extends over 0.9 mesh periods.
+    # Ten samples per mesh period, the minimum, extend over 0.9 mesh periods.
     checks.require(
         np.diff(edges)[0] * mesh_periods > 0.899,
         "time",
@@ -166,13 +167,13 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
     channel = _order_channel("time history", data.displacement, *measured_orders)
 
     def predict(model: Any) -> Prediction:
-        """Sweep the model to the measured speed and return the mesh orders of its orbit there.
+        """Sweep the model to the measured speed; return the mesh orders of its orbit there.
 
         The `Prediction` also has the largest displacement into the backlash.
         """
         # The tuning is the speed relative to the resonance speed.
         tuning = speed / float(model.speed(1.0))
-        # If several motions exist, the direction of the sweep decides which one it reaches.
+        # If several motions exist, the direction of the sweep determines which one is reached.
         tunings = np.sort(np.linspace(first_speed_ratio * tuning, tuning, speed_count))
         curve = sweep(model, tunings, direction=direction, **observation.SETTLING_SWEEP)
         # States are sorted by increasing tuning, so a sweep down ends at the first state.
@@ -183,11 +184,11 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
         excursion = observation.backlash_excursion(model, quantities)
         return Prediction([_real_and_imaginary(orders * phase_factors)], excursion)
 
-    def draw(signals: list) -> list:
-        """Return a list with the `Curve` of the displacement over a mesh period.
+    def make_curves(signals: list) -> list:
+        """Return the `Curve` of the displacement over a mesh period in a list.
 
-        It has the measured and the predicted displacement, which are sums of the first mesh orders.
-        `signals` has one array: the predicted mesh orders, scaled by the gain of the sensor.
+        Measured and predicted displacement are sums of the first mesh orders. `signals` has one
+        array: the predicted mesh orders, scaled by the gain of the sensor.
         """
         phase = np.linspace(0.0, 1.0, _CURVE_POINTS)  # in mesh periods
         waves = np.exp(2j * np.pi * np.outer(phase, _ORDER_NUMBERS))
@@ -199,17 +200,17 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
         speed_falls = np.zeros(phase.size, bool)  # the speed is constant
         return [Curve(name, units, "phase", phase, (measured, predicted), speed_falls)]
 
-    return Observation("time history", [channel], predict, draw)
+    return Observation("time history", [channel], predict, make_curves)
 
 
 def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the `Observation` of a run-up: the mesh orders of its revolutions, the jump speeds.
+    """Return the `Observation` of a run-up: the mesh orders of its revolutions and its jump speeds.
 
-    Mesh orders are Fourier coefficients at multiples of the mesh frequency; at a jump the first of
-    them changes suddenly. `data` is a dataset over samples with a varying speed, `mesh` the index
+    Mesh orders are Fourier coefficients at multiples of the mesh frequency; at a jump the first
+    order changes suddenly. `data` is a dataset over samples with a varying speed, `mesh` the index
     of the measured mesh of the model.
     """
-    metadata, displacements, phase_factors, mesh_periods = _checked_history(model, data)
+    metadata, displacements, phase_factors, mesh_periods = _check_history(model, data)
     course, options = _speed_course(metadata)
     rotation = ShaftRotation(course)
     orders, variance_ratios, warning = _revolution_orders(
@@ -239,33 +240,34 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     def predict(model: Any) -> Prediction:
         """Run the model along the measured speed course and predict the measured values.
 
-        These are the mesh orders of the compared revolutions and the speeds of the jumps, with the
-        largest displacement into the backlash. Raise `NoOrbit` if the run fails.
+        These are the mesh orders of the compared revolutions and the speeds of the jumps. The
+        `Prediction` also has the largest displacement into the backlash. Raise `NoOrbit` if the run
+        fails.
         """
-        settings = {"samples_per_period": _RUN_UP_SAMPLES_PER_PERIOD, **options}
-        run = run_up(model, speed=course, **settings)
+        run_options = {"samples_per_period": _RUN_UP_SAMPLES_PER_PERIOD, **options}
+        run = run_up(model, speed=course, **run_options)
         if int(run.status):
             raise NoOrbit(run.status.attrs["message"])
         displacement = run.displacement.values.reshape(run.sizes["time"], -1)[:, mesh]
         orders = _fourier_orders(run.phase.values, displacement, count, math.tau * mesh_periods)
         values = [_real_and_imaginary((orders * phase_factors)[compared])]
         if jumps:
-            # The thresholds of jumps are measured amplitudes, so the sensor's gain is applied.
+            # Jumps are detected by measured amplitudes, so the gain of the sensor is applied.
             _, gain = order_channel.signal_and_gain(values[0])
-            # A gain of 0, fitted to a motion without mesh orders, leaves the amplitudes unscaled.
+            # A gain of 0, fitted to a motion without mesh orders, is ignored.
             predicted = np.abs(orders[:, 0]) * (gain or 1.0)
             jump_speeds = [_jump_speed(predicted, amplitudes, i, speeds) for i in jumps]
             values.append(np.array(jump_speeds))
-        # A run may end before its last revolution is complete and then has no extrema for it.
+        # The last revolution has no extrema if the run ends before it is complete.
         complete = compared[: run.displacement_min.shape[0]].nonzero()[0]
         extrema = run[["displacement_min", "displacement_max"]].isel(revolution=complete)
         return Prediction(values, observation.backlash_excursion(model, extrema))
 
-    def draw(signals: list) -> list:
-        """Return the measured and predicted amplitude of each mesh order as `Curve`s over speed.
+    def make_curves(signals: list) -> list:
+        """Return the measured and predicted amplitudes of each mesh order over speed as `Curve`s.
 
         `signals` begins with the predicted mesh orders of the compared revolutions, scaled by the
-        gain of the sensor; the curve is NaN at other revolutions.
+        gain of the sensor; the curves are NaN at other revolutions.
         """
         fitted = np.full(orders.shape, complex(np.nan))
         fitted[compared] = signals[0].view(complex).reshape(-1, ORDERS)
@@ -279,30 +281,30 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
             for name, values in zip(names, amplitudes.swapaxes(0, 1), strict=True)
         ]
 
-    # A model that cannot be run is reported before the fit starts.
+    # Failing runs are reported before the fit starts.
     try:
         predict(model)
     except NoOrbit:
         raise ValueError(observation.START_ERROR) from None
-    return Observation("run-up", channels, predict, draw, warning)
+    return Observation("run-up", channels, predict, make_curves, warning)
 
 
 def _revolution_orders(rotation, end_time, times, displacements, mesh_periods):
-    """Return the mesh orders of each whole revolution, their variance ratios, and a warning.
+    """Return (mesh orders of each whole revolution, their variance ratios, warning).
 
     `rotation` is the `ShaftRotation` of a speed course from 0 to `end_time`, s; `times`, s, and
     `displacements`, both (n,), are measured; `mesh_periods` is the number of mesh periods per
     revolution. Mesh orders, complex (revolutions, ORDERS), are Fourier coefficients at multiples of
-    the mesh frequency; variance ratios, (revolutions,), are their variances over that of a sample.
-    Both are NaN for revolutions with gaps. The warning tells how many revolutions are left out; it
-    is "" if there are none.
+    the mesh frequency; variance ratios, (revolutions,), are their variances relative to the
+    variance of a sample. Both are NaN for revolutions with gaps. The warning states how many
+    revolutions are omitted; it is "" if there are none.
     """
     revolutions = rotation.revolutions(times)
     count = int(revolutions[-1])  # number of whole revolutions
     interval = f"{times[0]:.6g} to {times[-1]:.6g} s"
     course_revolutions = float(rotation.revolutions(np.array([end_time]))[0])
     is_within = revolutions[0] < 1.0 and count <= course_revolutions + 1e-9
-    allowed = f"within known.course, 0 to {end_time:.6g} s, from its first revolution on"
+    allowed = f"within known.course, 0 to {end_time:.6g} s, and start in its first revolution"
     checks.require(is_within, "time", interval, allowed)
     # More revolutions must be compared than are skipped at the start.
     minimum = 2 * _SKIPPED_AT_START
@@ -320,8 +322,8 @@ def _revolution_orders(rotation, end_time, times, displacements, mesh_periods):
     missing_count = int(np.isnan(variance_ratios[_SKIPPED_AT_START:]).sum())
     warning = ""
     if missing_count:
-        left_out = f"{missing_count} of {compared_count} revolutions are left out of the run-up"
-        warning = f"{left_out}: they have gaps or too few samples"
+        omitted = f"{missing_count} of {compared_count} revolutions of the run-up are left out"
+        warning = f"{omitted}, because they have gaps or too few samples"
     return orders, variance_ratios, warning
 
 
@@ -331,18 +333,18 @@ def _compared_revolutions(orders, variance_ratios):
     `orders`, complex (revolutions, ORDERS), are the Fourier coefficients of a measured run-up at
     multiples of the mesh frequency; they and their `variance_ratios`, (revolutions,), are NaN for
     revolutions without enough samples. At a jump the amplitude changes by more than 15 % from one
-    revolution to the next; it is given by the index of the revolution after it. The first
-    revolutions and those around a jump, where motions differ most, are not compared.
+    revolution to the next; a jump is the index of the revolution after it. The first revolutions
+    and those around a jump, where motions differ most, are not compared.
     """
     is_measured = np.isfinite(variance_ratios)
     indices = np.arange(variance_ratios.size)
     compared = is_measured & (indices >= _SKIPPED_AT_START)
-    # A revolution without enough samples has the amplitude of the revolution before it.
+    # A revolution without enough samples gets the amplitude of the previous measured revolution.
     sources = np.maximum.accumulate(np.where(is_measured, indices, is_measured.argmax()))
     amplitudes = np.abs(orders[sources, 0])
     steps = np.abs(np.log(amplitudes[1:] / amplitudes[:-1]))
     jumps: list = []
-    # Of jumps that are close to each other, only the largest one counts.
+    # If jumps are close to each other, only the largest one counts.
     for i in np.argsort(-steps):
         if steps[i] < observation.MIN_RELATIVE_JUMP:
             break
@@ -357,10 +359,10 @@ def _compared_revolutions(orders, variance_ratios):
 def _jump_speed(predicted, measured, jump, speeds) -> float:
     """Return the speed in rpm at which a model jumps closest to a measured jump, NaN if nowhere.
 
-    `predicted` and `measured` are amplitudes at the mesh frequency and `speeds` are speeds in rpm,
-    one of each per revolution of a run-up; `jump` is the index of the first revolution after the
-    measured jump. The model jumps where its amplitude crosses the mean of the measured amplitudes
-    before and after the jump, in the same direction; the speed is interpolated there.
+    `predicted` and `measured` are amplitudes at the mesh frequency and `speeds` are speeds in rpm
+    for each revolution of a run-up; `jump` is the index of the first revolution after the measured
+    jump. The model jumps where its amplitude crosses the mean of the measured amplitudes before and
+    after the jump in the same direction; the speed is interpolated there.
     """
     before = measured[jump - _SKIPPED_BEFORE_JUMP]
     after = measured[min(jump + _SKIPPED_BEFORE_JUMP, len(measured) - 1)]
@@ -382,7 +384,7 @@ def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarr
     """Return the complex mesh orders of blocks of a computed motion, (blocks, ORDERS).
 
     They are the Fourier coefficients of the displacement at the first multiples of the mesh
-    frequency, integrals by the trapezoidal rule. `phase`, the mesh phase in rad, increasing, and
+    frequency, integrated by the trapezoidal rule. `phase`, the increasing mesh phase in rad, and
     `displacements` have shape (n,); each of the `block_count` blocks has the length `block_length`
     in rad.
     """
@@ -400,10 +402,10 @@ def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarr
 def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, mesh_periods: float) -> np.ndarray:
     """Return a mask of the blocks of samples without gaps, shape (blocks,).
 
-    `revolutions`, increasing, are the shaft angles of the samples in revolutions; a block extends
-    from one of the `edges`, in revolutions, to the next. `mesh_periods` is the number of mesh
-    periods per revolution. A gap is a step between samples that exceeds both a mesh period and
-    three times the median step; all blocks that it touches are incomplete.
+    `revolutions`, increasing, are the shaft angles of the samples in revolutions; each block
+    extends from one of the `edges`, in revolutions, to the next. `mesh_periods` is the number of
+    mesh periods per revolution. A gap is a step between samples that exceeds both a mesh period and
+    three times the median step; it makes all blocks that it overlaps incomplete.
     """
     steps = np.diff(revolutions)
     complete = np.ones(len(edges) - 1, bool)
@@ -417,28 +419,30 @@ def regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complet
     """Fit complex mesh orders to blocks of samples; return (orders, variance ratios).
 
     Orders, (blocks, ORDERS), are Fourier coefficients at the first multiples of the mesh frequency,
-    found by linear regression together with an offset and the first shaft orders. The samples may
-    lie at any shaft angles `revolutions`, increasing; a block extends from one of the `edges`, in
+    from a linear regression together with an offset and the first shaft orders. The samples may
+    have any increasing shaft angles `revolutions`; each block extends from one of the `edges`, in
     revolutions, to the next. `mesh_periods` is the number of mesh periods per revolution;
-    `complete` is a mask of the blocks to use, or True for all. The variance ratios, (blocks,), are
-    the variance of an order (the sum over real and imaginary part) divided by the variance of a
-    sample. Results are NaN for blocks that have too few samples or are not `complete`.
+    `complete` is a mask of the blocks to use, or True for all blocks. The variance ratios,
+    (blocks,), are the variance of an order (the sum over real and imaginary part) divided by the
+    variance of a sample. Results are NaN for blocks that have too few samples or are not
+    `complete`.
     """
     block_count = len(edges) - 1
     min_density = _MIN_SAMPLES_PER_ORDER * ORDERS
     # Mean number of samples in a mesh period of each block.
     density = np.diff(np.searchsorted(revolutions, edges)) / np.diff(edges) / mesh_periods
     is_dense = complete & (density >= min_density)
-    lowest = f"{density.min():.3g} samples in a mesh period"
-    checks.require(is_dense.any(), "displacement", lowest, f"of {min_density:g} or more")
-    # Higher orders are fitted, too, so that they do not distort the first ones.
+    lowest_density = f"{density.min():.3g} samples in a mesh period"
+    checks.require(is_dense.any(), "displacement", lowest_density, f"of {min_density:g} or more")
+    # Higher orders are fitted as well, so that they do not distort the first ones.
     order_count = min(2 * ORDERS, int(density[is_dense].min() / _MIN_SAMPLES_PER_ORDER))
     # Shaft orders cannot be separated from the offset in less than one revolution.
     shaft_order_count = _SHAFT_ORDERS if edges[1] - edges[0] >= 1.0 else 0
     mesh_frequencies = mesh_periods * np.arange(1, order_count + 1)
     frequencies = np.array([*range(1, shaft_order_count + 1), *mesh_frequencies])
-    # The weight of a sample is the length of its cell, which ends halfway to both neighbours. The
-    # regression then approximates a Fourier integral if amplitudes change within the block.
+    # The weight of a sample is the length of its cell, which ends halfway to both neighbours. With
+    # these weights the regression approximates a Fourier integral if amplitudes change within a
+    # block.
     cell_edges = np.concatenate([[-np.inf], 0.5 * (revolutions[1:] + revolutions[:-1]), [np.inf]])
     orders = np.full((block_count, ORDERS), complex(np.nan))
     variance_ratios = np.full(block_count, np.nan)

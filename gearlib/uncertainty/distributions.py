@@ -1,4 +1,4 @@
-"""Read distributions of parameters: mean and deviation, limits, or a name of `scipy.stats`.
+"""Read distributions of parameters: mean and deviation, limits, or a distribution of `scipy.stats`.
 
 Limits do not determine the distribution between them, so ``{min, max}`` and ``{nominal, upper,
 lower}`` are read as uniform distributions.
@@ -24,15 +24,15 @@ class Marginal(NamedTuple):
     """The distribution of one parameter."""
 
     distribution: Any  #: a frozen distribution of `scipy.stats`
-    centre: float  #: value of the nominal design: mean, middle of limits, nominal value, median
+    centre: float  #: nominal value: mean, midpoint of the limits, given nominal value or median
     limits: tuple = (-math.inf, math.inf)  #: least and largest possible value
 
 
 class Tolerances:
-    """Joint distribution of all parameters that scatter; correlations are a Gaussian copula."""
+    """Joint distribution of all scattering parameters; correlations form a Gaussian copula."""
 
     def __init__(self, marginals: dict, correlations: Sequence = ()):
-        """Take a `Marginal` (distribution) for each name, and correlations of pairs of parameters.
+        """Store a `Marginal` (distribution) for each name, and correlations between parameters.
 
         `correlations` has rows (name, name, coefficient). The coefficients are correlations of
         normally distributed variables, which are transformed to the distributions (Gaussian
@@ -42,8 +42,8 @@ class Tolerances:
         self.names = tuple(marginals)
         self.correlations = tuple(map(tuple, correlations))
         matrix = np.eye(len(self.names))
-        for first, second, coefficient in self.correlations:
-            i, j = self.names.index(first), self.names.index(second)
+        for name, other_name, coefficient in self.correlations:
+            i, j = self.names.index(name), self.names.index(other_name)
             matrix[i, j] = matrix[j, i] = coefficient
         smallest_eigenvalue = float(np.linalg.eigvalsh(matrix)[0])
         if smallest_eigenvalue <= 1e-12:
@@ -56,19 +56,19 @@ class Tolerances:
 
     @property
     def centres(self) -> np.ndarray:
-        """Return the values of the nominal design, shape (k,)."""
+        """Return the nominal values of the k parameters, shape (k,)."""
         return np.array([marginal.centre for marginal in self.marginals.values()])
 
     def values(self, points: np.ndarray) -> np.ndarray:
         """Transform points of the open unit cube, (n, k), to values of the k parameters, (n, k).
 
-        The coordinates of a point are probabilities: after correlation by a Gaussian copula, each
-        is inserted in the quantile function of the parameter.
+        The coordinates of a point are probabilities: after correlation by a Gaussian copula, they
+        are transformed by the quantile function of each parameter.
         """
         points = np.asarray(points, float)
         if self.correlations:
             normal_scores = special.ndtri(points)
-            # The rounding of a matrix product would depend on the number of rows of a shard.
+            # The rounding errors of a matrix product would depend on the number of rows of a shard.
             correlated = [(normal_scores * row).sum(axis=1) for row in self._cholesky_factor]
             points = special.ndtr(np.stack(correlated, 1))
         columns = []
@@ -80,14 +80,14 @@ class Tolerances:
 _Correlation = Annotated[float, Gt(-1), Lt(1), Unit("1")]
 
 
-def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Tolerances:
+def read_tolerances(tolerances, allowed_parameters, value_of=lambda name: None) -> Tolerances:
     """Read the tolerances of parameters as a joint distribution, or raise ValueError.
 
     `tolerances` maps names of parameters to ``{mean, std}``, ``{min, max}``, ``{nominal, upper,
     lower}`` or ``{distribution, ...}``, and "correlations" to rows (name, name, coefficient).
     `allowed_parameters` maps names of parameters to declarations of their range, or to None;
-    `value_of` is a function that returns the nominal value of a parameter by its name, or None.
-    Messages call a parameter ``tolerances.<name>``.
+    `value_of` is a function that returns the nominal value of a parameter, or None. In messages a
+    parameter is called ``tolerances.<name>``.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         allowed = f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
@@ -112,21 +112,23 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Toleranc
     correlations: dict = {}
     rows = checks.check_sequence(f"tolerances.{CORRELATIONS}", tolerances.get(CORRELATIONS, ()))
     for i, row in enumerate(rows):
-        # A pair of parameters may have one correlation only, in either order of the names.
+        # A pair of parameters may have only one correlation, in either order of the names.
         key = f"tolerances.{CORRELATIONS}[{i}]"
-        first, second, coefficient = checks.check_sequence(key, row, 3)
-        for name in (first, second):
+        first_name, second_name, coefficient = checks.check_sequence(key, row, 3)
+        for name in (first_name, second_name):
             checks.check_choice(key, name, tuple(marginals))
-        checks.require(first != second, key, row, "two different parameters")
-        names = frozenset((first, second))
-        checks.require(names not in correlations, key, row, "a pair that occurs once")
+        checks.require(first_name != second_name, key, row, "two different parameters")
+        names = frozenset((first_name, second_name))
+        checks.require(
+            names not in correlations, key, row, "a pair of parameters that occurs only once"
+        )
         coefficient = parameters.check(key, coefficient, _Correlation)
-        correlations[names] = first, second, coefficient
+        correlations[names] = first_name, second_name, coefficient
     return Tolerances(marginals, list(correlations.values()))
 
 
 def _named_distribution(key: str, tolerance: Any) -> Marginal:
-    """Return the distribution of `scipy.stats` that a tolerance names, as a `Marginal`.
+    """Return a distribution of `scipy.stats` that is given by its name, as a `Marginal`.
 
     `tolerance` maps "distribution" to its name, such as "lognorm", and each of its parameters to a
     number; `key` is the name of the tolerance in messages. The nominal value is the median. Raise
@@ -157,6 +159,6 @@ def _named_distribution(key: str, tolerance: Any) -> Marginal:
     has_moments = all(map(math.isfinite, (median, mean, std))) and std > 0.0
     allowed = f"parameters of {name!r} with a finite mean and a finite standard deviation > 0"
     checks.require(has_moments, key, tolerance, allowed)
-    # The limits stay infinite, because an end of the support, such as 0 of a lognormal
+    # The limits remain infinite, because an end of the support, such as 0 for a lognormal
     # distribution, need not be a valid value of the parameter.
     return Marginal(distribution, median)

@@ -1,7 +1,7 @@
 """Fit parameters of a model to measured data by least squares (`fit`).
 
 Derivatives are difference quotients of runs of the model. The result has values, confidence
-intervals, and messages about parameters that the data do not determine.
+intervals and messages about parameters that the data do not determine.
 """
 
 import math
@@ -20,35 +20,36 @@ from gearlib.data.result import make_result
 from gearlib.models.model import is_model
 from gearlib.parameters import Limits
 from gearlib.uncertainty.observation import START_ERROR
-from gearlib.uncertainty.observations import observations_of
+from gearlib.uncertainty.observations import make_observations
 
 #: Step of the difference quotients during the iterations, relative to the range of a parameter.
 _DIFFERENCE_STEP = 1e-5
-#: Columns of the Jacobian with a smaller norm, relative to the largest norm, are set to zero.
+#: Columns of the Jacobian matrix with a smaller norm, relative to the largest norm, are set to
+#: zero.
 _MIN_RELATIVE_COLUMN_NORM = 1e-7
 #: Largest and smallest step of the difference quotients at the optimum, relative to the range.
 _MAX_OPTIMUM_STEP, _MIN_OPTIMUM_STEP = 0.1, 1e-5
-#: Residual of a run that failed, and sum of squares from which on a start is refused.
+#: Residual of a failed run, and sum of squares at which an initial guess is rejected.
 _FAILED_RESIDUAL, _MAX_START_COST = 1e6, 1e30
-#: A channel of unknown noise is weighted by its residuals if it has more than this many residuals
-#: for each parameter.
+#: A channel of unknown noise is weighted by its residuals if it has more residuals per parameter
+#: than this.
 _MIN_RESIDUALS_PER_PARAMETER = 3
-#: Smallest RMS of a channel from which a weight is computed, and largest number of reweightings.
+#: Lower bound of the RMS from which a weight is computed, and largest number of reweightings.
 _MIN_NOISE, _MAX_WEIGHTINGS = 1e-6, 3
-#: Singular values of the Jacobian that are smaller, relative to the largest one, count as zero.
+#: Smaller singular values of the Jacobian matrix, relative to the largest one, count as zero.
 _MIN_RELATIVE_SINGULAR_VALUE = 1e-9
-#: A parameter is not identifiable if its component in an undetermined direction is larger.
+#: A parameter with a larger component in an undetermined direction is not identifiable.
 _MAX_UNDETERMINED_COMPONENT = 0.01
 #: Fraction of the variance of the data that a model may leave unexplained.
 _MAX_UNEXPLAINED_FRACTION = 0.5
-#: Probability of a false alarm of each test, for chi-square and for correlated residuals; and
+#: Probability of a false alarm of the tests for chi-square and for correlated residuals, and
 #: smallest residual, in standard deviations, whose sign counts.
 _FALSE_ALARM_PROBABILITY, _MIN_SIGNED_RESIDUAL = 1e-3, 1e-6
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A fitted parameter with its uncertainty, SI units."""
+    """A fitted parameter with its uncertainty, in SI units."""
 
     name: str
     value: float
@@ -61,7 +62,7 @@ class Parameter:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Return both ends of the 95 % confidence interval."""
+        """Return the limits of the 95 % confidence interval."""
         return self.value - self.half_width, self.value + self.half_width
 
 
@@ -77,7 +78,7 @@ class Fit:
     bic: float
     ndata: int
     nfev: int
-    unknown: tuple  #: messages on parameters not determined and data not described by the model
+    unknown: tuple  #: messages about undetermined parameters and data that the model cannot fit
     noise: bool  #: whether the noise of all data is known
     _observations: list
 
@@ -113,13 +114,13 @@ class Fit:
         return "\n".join(lines)
 
     def curves(self):
-        """Return measured and fitted data for a figure, as `Curve` or `MeasuredSpeed`.
+        """Return measured and fitted data for a figure, a list of `Curve` and `MeasuredSpeed`.
 
         Both are classes of `gearlib.uncertainty.observation`.
         """
         curves = []
         for observation in self._observations:
-            curves += observation.draw(observation.predicted_signals(self.model))
+            curves += observation.make_curves(observation.predicted_signals(self.model))
         return curves
 
     def dataset(self):
@@ -152,10 +153,10 @@ class Fit:
         return make_result(title, self.model, data, coords, method="least squares", unknown=unknown)
 
 
-class Problem(NamedTuple):
-    """A least-squares problem: residuals of observations as functions of free parameters.
+class FitProblem(NamedTuple):
+    """Least-squares problem of a fit: residuals of observations as functions of free parameters.
 
-    Free parameters are scaled to their ranges: 0 is the lower limit, 1 the upper limit.
+    Free parameters are scaled to their ranges: 0 is the lower and 1 the upper limit.
     """
 
     model: Any
@@ -163,7 +164,7 @@ class Problem(NamedTuple):
     low: np.ndarray  #: their lower limits, SI units
     high: np.ndarray  #: their upper limits
     observations: list
-    weights: Any = 1.0  #: factor of each residual, or one factor of all residuals
+    weights: Any = 1.0  #: factor of each residual, or a common factor
 
     @property
     def channels(self) -> list:
@@ -181,22 +182,22 @@ class Problem(NamedTuple):
         return all(channel.noise_known for channel in self.channels)
 
     def model_at(self, scaled_values: np.ndarray) -> Any:
-        """Return the model with these free parameters, (k,), scaled to their ranges."""
+        """Return the model with the given free parameters, (k,), scaled to their ranges."""
         values = self.low + np.asarray(scaled_values) * (self.high - self.low)
         return self.model.with_values(dict(zip(self.names, map(float, values), strict=True)))
 
     def residuals(self, scaled_values: np.ndarray) -> np.ndarray | None:
         """Return the weighted residuals of all observations, (n,), or None if a run fails.
 
-        `scaled_values`, (k,), are the free parameters, scaled to 0 ... 1 in their ranges.
+        `scaled_values`, (k,), are the free parameters, scaled from their ranges to 0 ... 1.
         """
         model = self.model_at(scaled_values)
-        blocks = []
+        residual_blocks = []
         for observation in self.observations:
-            blocks.append(observation.residuals(model))
-            if blocks[-1] is None:
+            residual_blocks.append(observation.residuals(model))
+            if residual_blocks[-1] is None:
                 return None
-        return np.concatenate(blocks) * self.weights
+        return np.concatenate(residual_blocks) * self.weights
 
 
 def fit(model, data, free):
@@ -233,22 +234,22 @@ def fit(model, data, free):
     UserWarning
         If revolutions of a run-up are left out because they have gaps or too few samples.
     """
-    problem, start = _problem_and_start(model, data, free)
+    problem, initial_guess = _set_up_problem(model, data, free)
     for observation in problem.observations:
         if observation.warning:
             warnings.warn(observation.warning, stacklevel=2)
-    residuals = problem.residuals(start)
+    residuals = problem.residuals(initial_guess)
     if residuals is None or not residuals @ residuals < _MAX_START_COST:
         raise ValueError(START_ERROR)
-    problem, optimum = _solve(problem, start)
-    return _fit_result(problem, optimum, *_extrapolated_jacobian(problem, optimum))
+    problem, optimum = _solve(problem, initial_guess)
+    return _summarize_fit(problem, optimum, *_extrapolated_jacobian(problem, optimum))
 
 
-def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.ndarray]:
-    """Check the arguments of `fit`; return the least-squares `Problem` and its initial guess.
+def _set_up_problem(model: Any, data: Any, free: Any) -> tuple[FitProblem, np.ndarray]:
+    """Check the arguments of `fit`; return the `FitProblem` and its initial guess.
 
     `free` maps names of parameters to (lower, upper) limits in SI units. The guess, (k,), has the
-    values of the model, scaled to 0 ... 1 in these limits. Raise ValueError if an argument is
+    values of the model, scaled from these limits to 0 ... 1. Raise ValueError if an argument is
     invalid or there are fewer data than parameters.
     """
     checks.require(is_model(model), "model", model, "a model such as GearPair")
@@ -256,7 +257,7 @@ def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.nd
         kind = type(model).__name__
         raise ValueError(f"model of type {kind} is not allowed: it has no rotational speed")
     if model.mesh_names and model.reference_frequency is None:
-        # Parameters must not change the reference frequency, the mesh frequency at the tuning 1.
+        # Parameters must not change the reference frequency (mesh frequency at the tuning 1).
         frequency = float(model.mesh_frequency(1.0)) / math.tau  # Hz
         model = model.replace(reference_frequency=frequency)
     if not hasattr(free, "items") or not free:
@@ -268,35 +269,35 @@ def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.nd
         lower, upper = parameters.check(argument, limits, Limits)
         value = model.value(name)
         checks.require(lower < upper, argument, limits, "increasing")
-        allowed = f"a range that holds {name} = {value:g} of the model"
+        allowed = f"a range that contains {name} = {value:g} of the model"
         checks.require(lower <= value <= upper, argument, limits, allowed)
         for limit in (lower, upper):  # the model raises ValueError if it does not allow a limit
             model.with_values({name: limit})
         ranges[name] = lower, upper
     low, high = np.array(list(ranges.values())).T
-    problem = Problem(model, tuple(ranges), low, high, observations_of(model, data))
+    problem = FitProblem(model, tuple(ranges), low, high, make_observations(model, data))
     if problem.size < len(ranges):
         raise ValueError(
-            f"data is not allowed: {problem.size} observations for {len(ranges)} "
-            "parameters; there must be at least as many observations"
+            f"data is not allowed: it has {problem.size} observations for {len(ranges)} "
+            "parameters, and must have at least as many observations as parameters"
         )
     initial_values = np.array([model.value(name) for name in ranges])
     return problem, (initial_values - low) / (high - low)
 
 
-def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
-    """Solve a least-squares problem, with weights from the residuals where the noise is unknown.
+def _solve(problem: FitProblem, start: np.ndarray) -> tuple[FitProblem, Any]:
+    """Solve a least-squares problem; data of unknown noise are reweighted by their residuals.
 
-    `start` is the initial guess of the k free parameters, scaled to 0 ... 1 in their ranges. The
-    data of a sensor of unknown noise get a weight from the residuals of the previous solution.
-    Return the problem with its final weights, and the result of `scipy.optimize.least_squares`.
+    `start` is the initial guess of the k free parameters, scaled from their ranges to 0 ... 1. The
+    weight of a sensor of unknown noise follows from the residuals of the previous solution. Return
+    the problem with its final weights and the result of `scipy.optimize.least_squares`.
     """
     optimum = _least_squares(problem, start)
     if not optimum.status:
-        # The maximum number of evaluations was reached, usually close to the optimum.
+        # The maximum number of evaluations was reached, usually near the optimum.
         optimum = _least_squares(problem, optimum.x)
     for _ in range(_MAX_WEIGHTINGS):
-        weights = _weights(problem, optimum.fun)
+        weights = _channel_weights(problem, optimum.fun)
         if weights is None:
             break
         problem = problem._replace(weights=weights)
@@ -306,13 +307,13 @@ def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
     return problem, optimum
 
 
-def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
+def _channel_weights(problem: FitProblem, residuals: np.ndarray) -> np.ndarray | None:
     """Return a weight for each residual, (n,), or None if all residuals may have the same weight.
 
-    A channel has the measured values of one sensor; a group is a channel with the channels that
-    share its weight. If the noise of a group is unknown and it has many residuals, its weight is
-    1 / (root mean square of these), otherwise 1. `residuals`, (n,), have the present weights of
-    the problem.
+    A channel has the measured values of one sensor; a group is a channel followed by the channels
+    that share its weight. If the noise of a group is unknown and it has many residuals, its weight
+    is the reciprocal of their root mean square, otherwise 1. `residuals`, (n,), include the current
+    weights of the problem.
     """
     channels = problem.channels
     groups = np.cumsum([not channel.shares_weight for channel in channels])
@@ -331,105 +332,107 @@ def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
     return weights
 
 
-def _least_squares(problem: Problem, start: np.ndarray) -> Any:
+def _least_squares(problem: FitProblem, start: np.ndarray) -> Any:
     """Minimise the sum of squares of the weighted residuals of a problem.
 
-    `start` is the initial guess of the k free parameters, scaled to 0 ... 1 in their ranges.
+    `start` is the initial guess of the k free parameters, scaled from their ranges to 0 ... 1.
     Return the result of `scipy.optimize.least_squares`.
     """
 
     def residuals(scaled_values):
-        """Return the residuals, (n,), all equal to a large number if a run of the model fails."""
+        """Return the residuals, (n,), or a large number for each if a run of the model fails."""
         values = problem.residuals(scaled_values)
         return np.full(problem.size, _FAILED_RESIDUAL) if values is None else values
 
     def jacobian(scaled_values):
         """Return one-sided difference quotients of the residuals, (n, k).
 
-        Columns are zero for parameters without effect on the residuals, or if a run fails.
+        Columns are zero for parameters without effect on the residuals or if a run fails.
         """
         quotients = np.zeros((problem.size, start.size))
         old_residuals = residuals(scaled_values)
         for i, value in enumerate(scaled_values):
-            # The step leads away from the nearer limit, 0 or 1.
+            # The step points away from the nearer limit, 0 or 1.
             step = _DIFFERENCE_STEP if value < 0.5 else -_DIFFERENCE_STEP
-            new_residuals = problem.residuals(_with_value(scaled_values, i, value + step))
+            new_residuals = problem.residuals(_replace_value(scaled_values, i, value + step))
             if new_residuals is not None:
                 quotients[:, i] = (new_residuals - old_residuals) / step
         norms = np.linalg.norm(quotients, axis=0)
         quotients[:, norms < _MIN_RELATIVE_COLUMN_NORM * max(norms.max(), 1.0)] = 0.0
         return quotients
 
-    def solve(start, **settings):
-        """Call `scipy.optimize.least_squares` from `start`, with `settings` as keyword arguments.
+    def solve(start, **solver_options):
+        """Call `scipy.optimize.least_squares` with `solver_options` as keyword arguments.
 
-        The solver needs a start inside the limits 0 and 1.
+        The initial guess `start` is moved inside the limits 0 and 1, as the solver requires.
         """
         start = np.clip(start, 1e-6, 1.0 - 1e-6)
-        settings = {"jac": jacobian, "bounds": (0.0, 1.0), "x_scale": 0.1, **settings}
-        return least_squares(residuals, start, **settings)
+        solver_options = {"jac": jacobian, "bounds": (0.0, 1.0), "x_scale": 0.1, **solver_options}
+        return least_squares(residuals, start, **solver_options)
 
     evaluations = 0
     if any(observation.kind == "branches" for observation in problem.observations):
-        # Speeds beyond a fold of the model have large residuals without a useful derivative, so a
+        # Speeds beyond a fold of the model have large residuals without useful derivatives, so a
         # robust loss function is minimised first.
         scale = 1.0 if problem.noise_known else float(np.median(np.abs(residuals(start)))) or 1.0
-        rough = solve(start, loss="soft_l1", f_scale=scale, ftol=1e-4, max_nfev=30)
-        start = rough.x
-        evaluations = rough.nfev
+        robust_solution = solve(start, loss="soft_l1", f_scale=scale, ftol=1e-4, max_nfev=30)
+        start = robust_solution.x
+        evaluations = robust_solution.nfev
     optimum = solve(start, ftol=1e-10, xtol=1e-10, gtol=1e-12, max_nfev=40)
     optimum.nfev += evaluations
     return optimum
 
 
-def _with_value(scaled_values: np.ndarray, i: int, value: float) -> np.ndarray:
-    """Return a copy of the scaled parameters, (k,), with a new value of the parameter `i`."""
+def _replace_value(scaled_values: np.ndarray, i: int, value: float) -> np.ndarray:
+    """Return a copy of the scaled parameters, (k,), with a new value of parameter `i`."""
     return np.where(np.arange(scaled_values.size) == i, value, scaled_values)
 
 
-def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return an accurate Jacobian matrix of the residuals at the optimum, and its errors.
+def _extrapolated_jacobian(problem: FitProblem, optimum: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return an accurate Jacobian matrix of the residuals at the optimum and its errors.
 
     Difference quotients are extrapolated to step 0. `optimum` is the result of
     `scipy.optimize.least_squares`. Jacobian and errors have the shape (residuals, parameters);
-    parameters are scaled to 0 ... 1 in their ranges.
+    parameters are scaled from their ranges to 0 ... 1.
     """
     jacobian = np.array(optimum.jac)
     errors = np.zeros(optimum.jac.shape)
     for i, best_value in enumerate(optimum.x):
 
         def residuals(value, i=i, best_value=best_value):
-            """Return the residuals with a value of parameter i, None if its step is too small.
+            """Return the residuals at a value of parameter i, or None if the step is too small.
 
-            Runs that settle to a finite accuracy have no meaningful difference over a tiny step.
+            Over a tiny step the differences of settled runs are dominated by the settling error.
             """
             if value != best_value and abs(value - best_value) < _MIN_OPTIMUM_STEP:
                 return None
-            return problem.residuals(_with_value(optimum.x, i, value))
+            return problem.residuals(_replace_value(optimum.x, i, value))
 
         derivative, error = richardson_derivative(residuals, best_value, _MAX_OPTIMUM_STEP)
-        if np.isfinite(derivative).all():  # else the Jacobian of scipy is kept
+        if np.isfinite(derivative).all():  # otherwise the Jacobian matrix of scipy is kept
             jacobian[:, i], errors[:, i] = derivative, error
     return jacobian, errors
 
 
-def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.ndarray) -> Fit:
-    """Return the `Fit` at an optimum, a result of `scipy.optimize.least_squares`.
+def _summarize_fit(
+    problem: FitProblem, optimum: Any, jacobian: np.ndarray, errors: np.ndarray
+) -> Fit:
+    """Create the `Fit` at an optimum, a result of `scipy.optimize.least_squares`.
 
-    `jacobian` and the `errors` of its elements have the shape (residuals, parameters scaled to
-    0 ... 1). Confidence intervals follow from the linearised model, for identifiable parameters.
+    `jacobian` and the `errors` of its elements have the shape (residuals, parameters scaled to 0
+    ... 1). Confidence intervals of the identifiable parameters follow from the linearised model.
     """
     residuals = optimum.fun
     model = problem.model_at(optimum.x)
-    # The residuals do not change along the directions whose singular values are zero, or so small
-    # that the errors of the Jacobian can explain them.
+    # The residuals do not change along directions whose singular values are zero or smaller than
+    # the errors of the Jacobian matrix.
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
-    noise = np.linalg.norm(errors @ np.abs(directions.T), axis=0)
-    smallest = _MIN_RELATIVE_SINGULAR_VALUE * max(singular_values.max(), 1.0)
-    directions = directions[singular_values <= np.maximum(noise, smallest)]
+    direction_errors = np.linalg.norm(errors @ np.abs(directions.T), axis=0)
+    min_singular_value = _MIN_RELATIVE_SINGULAR_VALUE * max(singular_values.max(), 1.0)
+    directions = directions[singular_values <= np.maximum(direction_errors, min_singular_value)]
     identifiable = (np.abs(directions) < _MAX_UNDETERMINED_COMPONENT).all(axis=0)
     n = residuals.size
-    k = int(identifiable.sum())  # number of parameters that the data determine
+    k = int(identifiable.sum())  # number of identifiable parameters
     eliminated_count = sum(channel.eliminated for channel in problem.channels)
     degrees_of_freedom = max(n - eliminated_count - k, 1)
     sum_of_squares = float(residuals @ residuals)
@@ -446,7 +449,7 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
     initial_values = [float(problem.model.value(name)) for name in problem.names]
     params = {}
     for i, name in enumerate(problem.names):
-        # The numbers have the order of the fields of `Parameter`.
+        # The numbers are in the order of the fields of `Parameter`.
         numbers = values[i], stderr[i], half_widths[i], problem.low[i], problem.high[i]
         params[name] = Parameter(name, *numbers, initial_values[i], identifiable[i])
     messages = _parameter_messages(problem, model, params, directions)
@@ -473,10 +476,10 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
 def _parameter_messages(problem, model, params, directions) -> list[str]:
     """Return messages about the parameters of a fitted model that the data do not determine.
 
-    `problem` is the least-squares `Problem`, and `params` maps names to fitted `Parameter`s.
+    `problem` is the `FitProblem`, and `params` maps names to fitted `Parameter`s.
     `directions`, (m, k), are unit vectors in the space of the k scaled parameters along which the
-    residuals do not change. For an undetermined backlash, the largest displacement into it in the
-    motions of the model is a lower bound.
+    residuals do not change. If the backlash is undetermined, a lower bound is the largest
+    displacement into the backlash in the motions of the model.
     """
     messages = []
     for i, (name, parameter) in enumerate(params.items()):
@@ -487,7 +490,7 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
                     f"{parameter.min:g} to {parameter.max:g}"
                 )
         elif name == "backlash":
-            # With the largest backlash, contact on the coast side limits the excursion the least.
+            # At the largest backlash, coast-side contact restricts the excursion least.
             model = model.with_values({"backlash": problem.high[i]})
             predictions = [observation.predict(model) for observation in problem.observations]
             excursion = max(prediction.backlash_excursion for prediction in predictions)  # m
@@ -500,9 +503,9 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
                 )
             messages.append(f"backlash is not identifiable: {reason} in the compared data; {bound}")
         else:
-            # Parameters are coupled if an undetermined direction contains both of them.
-            contains = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
-            is_coupled = contains[contains[:, i]].any(axis=0)
+            # Parameters are coupled if an undetermined direction involves both of them.
+            is_involved = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
+            is_coupled = is_involved[is_involved[:, i]].any(axis=0)
             coupled = [other for j, other in enumerate(problem.names) if is_coupled[j] and j != i]
             reason = "nothing in the data depends on it"
             if coupled:
@@ -511,10 +514,12 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
     return messages
 
 
-def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count: int) -> list[str]:
+def _residual_messages(
+    problem: FitProblem, model: Any, residuals: Any, free_count: int
+) -> list[str]:
     """Return messages about data that the fitted model does not describe.
 
-    Data of known noise must pass a chi-square test; of other data the model must explain half of
+    Data of known noise must pass a chi-square test; for other data the model must explain half of
     the variance; and residuals must not be correlated. `residuals`, (n,), are the weighted
     residuals of the `problem`, and `free_count` is the number of identifiable parameters.
     """
@@ -525,7 +530,7 @@ def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count:
     has_known_noise = np.repeat([channel.noise_known for channel in channels], sizes)
     eliminated_count = sum(channel.eliminated for channel in known_channels)
     degrees_of_freedom = int(has_known_noise.sum()) - eliminated_count
-    if problem.noise_known:  # else other data may have determined the parameters
+    if problem.noise_known:  # otherwise other data may have determined the parameters
         degrees_of_freedom = max(degrees_of_freedom - free_count, 1)
     chi_square = float((residuals[has_known_noise] ** 2).sum())
     if known_channels and chi2.sf(chi_square, degrees_of_freedom) < _FALSE_ALARM_PROBABILITY:
@@ -540,7 +545,7 @@ def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count:
         if all(channel.noise_known for channel in observation.channels):
             continue
         signals = observation.predicted_signals(model)
-        # The variance of a few jump speeds means nothing, so only sequences are compared.
+        # The variance of a few jump speeds is meaningless, so only sequences are compared.
         fractions = [
             np.mean((signal - channel.values) ** 2) / np.var(channel.values)
             for channel, signal in zip(observation.channels, signals, strict=True)
@@ -559,9 +564,9 @@ def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count:
 def residual_correlation_messages(channels: list, residuals: np.ndarray) -> list[str]:
     """Return messages about sensors whose residuals change sign too rarely to be random.
 
-    `channels` are `Channel`s, the measured values of one sensor each; `residuals`, (n,), has the
-    unweighted residuals of all of them, one channel after the other. Successive independent
-    residuals differ in sign with a probability of one half (Geary, Biometrika 57 (1970) 123-127).
+    `channels` are `Channel`s, the measured values of one sensor each; `residuals`, (n,), are the
+    unweighted residuals of all channels in this order. Successive independent residuals differ in
+    sign with a probability of one half (Geary, Biometrika 57 (1970) 123-127).
     """
     ends = np.cumsum([channel.values.size for channel in channels])[:-1]
     sequences: dict = {}

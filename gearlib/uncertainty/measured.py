@@ -54,10 +54,10 @@ def read_measured(path):
     data = xr.Dataset(attrs={"repairs": ""})
     try:
         if description.data is not None:
-            data = _table_dataset(description, path.parent / description.data)
+            data = _read_table(description, path.parent / description.data)
         metadata = {name: _json_value(name, value) for name, value in description.known.items()}
     except ValueError as error:
-        if isinstance(error, ImportError):  # `MissingPackage`, which does not concern the file
+        if isinstance(error, ImportError):  # a missing package is not an error in the file
             raise
         raise ValueError(f"{path}: {error}") from None
     for name, speed in (description.speeds.model_dump() if description.speeds else {}).items():
@@ -78,9 +78,9 @@ def read_measured(path):
 
 
 def read_errors(paths):
-    """Return the error messages of those measured data sets that are invalid.
+    """Return the error messages of the invalid data sets among several measured data sets.
 
-    `paths` are the paths of their YAML files; each is read by `read_measured`.
+    `paths` are the paths of their YAML files; each of them is read by `read_measured`.
     """
     messages = []
     for path in paths:
@@ -92,11 +92,11 @@ def read_errors(paths):
 
 
 def _json_value(name: str, value: Any) -> Any:
-    """Convert an entry of the metadata of a test rig, and the entries in it, to JSON values.
+    """Convert an entry of the metadata of a test rig, including nested entries, to JSON values.
 
-    `name` is the path of its keys, as in "options.load", and `value` is what the YAML file states.
+    `name` is the path of its keys, e.g. "options.load", and `value` is the value in the YAML file.
     If `name` is a parameter of a gear pair, a string such as "80 um" is converted to a number in SI
-    units. Raise ValueError for NaN, or for a unit of another dimension.
+    units. Raise ValueError for NaN or a unit of the wrong dimension.
     """
     if isinstance(value, dict):
         return {key: _json_value(f"{name}.{key}", entry) for key, entry in value.items()}
@@ -115,12 +115,12 @@ def _json_value(name: str, value: Any) -> Any:
     return value if isinstance(value, str | int | float | None) else str(value)
 
 
-def _table_dataset(description, path: Path) -> xr.Dataset:
+def _read_table(description, path: Path) -> xr.Dataset:
     """Read the table of a measured data set, a CSV or universal file, as a dataset in SI units.
 
     `description` is the content of the YAML file of the data set, which describes the channels, and
-    `path` the path of the table. Raise ValueError if the file is missing, empty or has another
-    checksum than stated, or if its columns are invalid.
+    `path` the path of the table. Raise ValueError if the file is missing, is empty or does not have
+    the stated checksum, or if its columns are invalid.
     """
     checks.require(path.is_file(), "data", description.data, "a file beside its YAML")
     checks.require(path.stat().st_size, "data", description.data, "a file with rows: it is empty")
@@ -132,7 +132,7 @@ def _table_dataset(description, path: Path) -> xr.Dataset:
     text_columns = {measured_tables.ID_COLUMN, CONDITION_COLUMN}
     for key, channel in description.channels.items():
         is_text = (channel.observableId or key) in ("direction", "condition")
-        # Dates are read as strings; they have `DATES` ("ISO 8601") in place of a unit.
+        # Dates are read as strings; their unit is `DATES` ("ISO 8601").
         if is_text or channel.unit == measured_description.DATES:
             text_columns.add(key)
     names = []
@@ -142,49 +142,52 @@ def _table_dataset(description, path: Path) -> xr.Dataset:
         columns = measured_tables.read_uff(path, description)
     lengths = {name: len(values) for name, values in columns.items()}
     has_samples = bool(lengths) and min(lengths.values()) > 0
-    checks.require(has_samples, "data", description.data, "a file with samples: it has none")
+    checks.require(has_samples, "data", description.data, "a file with samples, but it has none")
     allowed = f"a file with columns of equal length, not {lengths}"
     checks.require(len(set(lengths.values())) == 1, "data", description.data, allowed)
     if set(LONG_COLUMNS) <= set(names):
-        data = _columns_dataset(description, *measured_tables.long_samples(description, columns))
+        tables = measured_tables.reshape_long_table(description, columns)
+        data = _dataset_from_columns(description, *tables)
         names = [str(name) for name in columns[measured_tables.ID_COLUMN].categories]
     else:
-        data = _columns_dataset(description, columns, {}, xr.Dataset())
-    # Columns are not read if no channel has their names.
+        data = _dataset_from_columns(description, columns, {}, xr.Dataset())
+    # Columns without a channel of the same name are not read.
     data.attrs["not_read"] = ", ".join(name for name in names if name not in description.channels)
     return data
 
 
-def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dataset) -> xr.Dataset:
-    """Return the dataset `data` with the columns of a table as variables in SI units.
+def _dataset_from_columns(description, columns, std_columns, data: xr.Dataset) -> xr.Dataset:
+    """Add the columns of a table to the dataset `data` as variables in SI units; return it.
 
     `description` is the content of the YAML file, with the channels (name, unit and sensor of each
-    column). `columns` maps names of columns to arrays over samples in the units of the table. A
-    long table has one row per measurement; `std_columns` then has the standard deviations of its
-    quantities, NaN if not given. For a wide table, with one column per channel, it is empty.
+    column). `columns` maps names of columns to arrays over samples in the units of the table. If
+    the table is long (one row per measurement), `std_columns` has the standard deviations of its
+    quantities, NaN if not given; if it is wide (one column per channel), `std_columns` is empty.
     """
     channels = description.channels.items()
     column_names = {channel.observableId or key: key for key, channel in channels if key in columns}
-    # Time and condition need no channel if their columns have the names of PEtab.
+    # Time and condition need no channel if their columns have the PEtab names.
     for name, key in (("time", "time"), ("condition", CONDITION_COLUMN)):
         if key in columns:
             column_names.setdefault(name, key)
-    coords, start = _coordinates(description, columns, column_names)
-    order, repairs = _time_order(description, column_names, coords)
+    coords, start = _sample_coordinates(description, columns, column_names)
+    order, repairs = _sort_by_time(description, column_names, coords)
     for name, key in column_names.items():
         if name in measured_names.COORDINATES:
             continue
-        where, values = f"{description.data}, column {key!r}", columns[key]
-        allowed = "no column of a wide table: it belongs to the section speeds"
-        checks.require(name not in measured_names.SPEEDS, where, name, allowed)
+        location, values = f"{description.data}, column {key!r}", columns[key]
+        allowed = "a name other than a speed, which belongs to the section speeds"
+        checks.require(name not in measured_names.SPEEDS, location, name, allowed)
         has_gaps = bool(description.channels[key].gaps)
         if has_gaps and (empty_cells := int(np.isnan(values).sum())):
             repairs.append(f"{name}: {empty_cells} empty cells are not measured")
         stds = std_columns[key][order] if key in std_columns else None
-        # A sample of a long table is NaN if this quantity was not measured there.
+        # In a long table a sample is NaN if the quantity was not measured.
         may_be_nan = has_gaps or stds is not None
-        measured_tables.check_finite(where, values[order], gaps=may_be_nan)
-        data = data.assign(_variables(description.channels[key], name, key, values[order], stds))
+        measured_tables.check_finite(location, values[order], gaps=may_be_nan)
+        data = data.assign(
+            _channel_variables(description.channels[key], name, key, values[order], stds)
+        )
     channel_keys, allowed = list(description.channels), "at least one measured quantity"
     checks.require(data.data_vars, "channels", channel_keys, allowed)
     for name, values in coords.items():
@@ -196,13 +199,13 @@ def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dat
     return data
 
 
-def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any, list[str]]:
-    """Return an index that sorts samples by time in each condition, and notes on this repair.
+def _sort_by_time(description: Any, column_names: dict, coords: dict) -> tuple[Any, list[str]]:
+    """Return an index that sorts the samples of each condition by time, and notes on this repair.
 
     A condition is a named part of a measurement, such as one operating point. `description` is the
     content of the YAML file, `column_names` maps variables to columns of the table, and `coords`
     maps coordinates such as "time" to arrays over samples. The index is an array, or a slice if the
-    samples are already sorted. Raise ValueError if a time occurs twice in a condition.
+    samples are already sorted. Raise ValueError if a time is repeated in a condition.
     """
     if "time" not in coords:
         return slice(None), []
@@ -211,7 +214,7 @@ def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any
     for values in groupings:
         # Each condition is divided by up to three directions.
         groups = 3 * groups + np.unique(values, return_inverse=True)[1]
-    # Groups keep the order in which they occur first.
+    # Groups keep the order of their first samples.
     _, first_rows, indices = np.unique(groups, return_index=True, return_inverse=True)
     order = np.lexsort((coords["time"], first_rows[indices]))
     time, groups = coords["time"][order], groups[order]
@@ -221,8 +224,8 @@ def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any
         further = f", and {count - 1} more times" if count > 1 else ""
         raise ValueError(
             f"{description.data}, column {column_names['time']!r} = {time[i]:.12g} occurs twice, "
-            f"in rows {order[i] + 1} and {order[i + 1] + 1}{further}: it must occur once in each "
-            "condition"
+            f"in rows {order[i] + 1} and {order[i + 1] + 1}{further}: it must occur only once in "
+            "each condition"
         )
     if (np.diff(order) > 0).all():
         return slice(None), []
@@ -232,7 +235,7 @@ def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any
     return order, [repair]
 
 
-def _variables(channel: Any, name: str, key: str, values: np.ndarray, stds: Any) -> dict:
+def _channel_variables(channel: Any, name: str, key: str, values: np.ndarray, stds: Any) -> dict:
     """Return the variable of a channel and, if its noise varies, the variable of the noise.
 
     `channel` describes a column of the table: its unit and sensor. `name` is the name of the
@@ -261,14 +264,13 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, stds: Any)
     return variables | {name: ("sample", values * factor, attrs)}
 
 
-def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[dict, str]:
+def _sample_coordinates(description: Any, columns: dict, column_names: dict) -> tuple[dict, str]:
     """Return (coordinates, earliest date) of the samples of a measured table.
 
-    The coordinates are those of time, speed, direction (1 up, -1 down, 0 from rest) and condition
-    (named part of the measurement) that are known, as name -> array in SI units; speed and
-    direction may also follow from the condition. The date is "" if the times are not dates.
-    `description` is the content of the YAML file; `column_names` maps coordinates to the names of
-    their `columns`.
+    The coordinates are the known ones of time, speed, direction (1 up, -1 down, 0 from rest) and
+    condition (named part of the measurement), as name -> array in SI units; speed and direction may
+    also follow from the condition. The date is "" if the times are not dates. `description` is the
+    content of the YAML file; `column_names` maps coordinates to the names of their `columns`.
     """
     coords: dict = {}
     start = ""
@@ -285,30 +287,30 @@ def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[d
         coords[name] = values * factor
     if "direction" in column_names:
         column = columns[column_names["direction"]]
-        where = locations["direction"]
+        location = locations["direction"]
         signs = [DIRECTION_SIGNS.get(str(text).strip().lower()) for text in column.categories]
         for sign, text in zip(signs, column.categories, strict=True):
-            checks.require(sign is not None, where, text, "up, down or rest, or 1, -1, 0")
-        direction_codes = measured_tables.category_codes(where, column)
+            checks.require(sign is not None, location, text, "up, down or rest, or 1, -1, 0")
+        direction_codes = measured_tables.category_codes(location, column)
         coords["direction"] = np.array(signs, np.int8)[direction_codes]
     conditions = list(description.conditions.values())
-    # Index of the condition of each sample: 0 if all samples have the only condition.
-    codes = np.zeros(max(map(len, columns.values()), default=0))
+    # Index of the condition of each sample, 0 if there is only one condition.
+    condition_indices = np.zeros(max(map(len, columns.values()), default=0))
     if "condition" in column_names:
         column = columns[column_names["condition"]]
-        codes = measured_tables.category_codes(locations["condition"], column)
+        condition_indices = measured_tables.category_codes(locations["condition"], column)
         names = [str(name) for name in column.categories]
         if description.conditions:
             allowed = f"one of {', '.join(description.conditions)}"
             for name in names:
                 checks.require(name in description.conditions, CONDITION_COLUMN, name, allowed)
-        coords["condition"] = np.array(names)[codes]
+        coords["condition"] = np.array(names)[condition_indices]
         conditions = [description.conditions.get(name) for name in names]
-    elif len(conditions) != 1:  # no condition applies to all samples
+    elif len(conditions) != 1:  # there is no condition that applies to all samples
         return coords, start
     for name, dtype in (("speed", float), ("direction", np.int8)):
         values = [getattr(condition, name, None) for condition in conditions]
         if name not in coords and None not in values:
             values = np.array([DIRECTION_SIGNS.get(value, value) for value in values], dtype)
-            coords[name] = values[codes.astype(int)]
+            coords[name] = values[condition_indices.astype(int)]
     return coords, start

@@ -1,4 +1,4 @@
-"""Read CSV and UFF files into checked columns: name -> array of numbers, or pandas categories.
+"""Read CSV and UFF files into checked columns: name -> array of numbers or pandas categories.
 
 A CSV is wide (a column for each channel) or long as in PEtab (a row for each measurement).
 """
@@ -24,17 +24,17 @@ PYUFF = Package("pyuff", "pyuff")
 #: Names of the columns of a long PEtab table: the measured quantity and its value.
 LONG_COLUMNS = ID_COLUMN, VALUE_COLUMN = "observableId", "measurement"
 CONDITION_COLUMN, NOISE_COLUMN = "simulationConditionId", "noiseParameters"
-#: Texts of a direction -> its sign.
+#: Text of a direction -> its sign.
 DIRECTION_SIGNS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
 DIRECTION_SIGNS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
-#: Kinds of the abscissa of a set 58 that may be times: unknown, general, time.
-_TIME_KINDS = (0, 1, 17)
-#: Labels of axes that state no unit.
+#: Types of the abscissa of a dataset 58 that may be times: unknown, general, time.
+_TIME_TYPES = (0, 1, 17)
+#: Axis labels without a unit.
 _NO_UNITS = ("", "NONE", "UNKNOWN", "EU")
 
 
-def _header(file: TextIO, description: Any) -> list[str]:
-    """Read a CSV file up to the line with the names of its columns, and return the names.
+def _read_header(file: TextIO, description: Any) -> list[str]:
+    """Read a CSV file up to the line with the names of its columns; return the names.
 
     `description` is the content of the YAML file of the data set: number of lines to skip, column
     separator and comment sign. Raise ValueError if there is no such line.
@@ -44,15 +44,15 @@ def _header(file: TextIO, description: Any) -> list[str]:
         (cells,) = csv.reader([line], delimiter=description.separator, skipinitialspace=True)
         if any(cell.strip() for cell in cells):
             return [cell.strip() for cell in cells]
-    raise checks.InputError("data", description.data, "a file with names of columns: it is empty")
+    raise checks.InputError("data", description.data, "a file with column names, but it is empty")
 
 
 def _required_columns(names: list[str], description: Any) -> list[str]:
     """Return the names of the columns to read; raise ValueError if one is missing or repeated.
 
     `names` are the columns of the CSV file, and `description` is the content of the YAML file of
-    the data set. A wide table has a column for each of its channels, a long table those of PEtab
-    with one row per measurement.
+    the data set. A wide table has a column for each channel; a long table has the columns of PEtab
+    and one row per measurement.
     """
     required = list(description.channels)
     if set(LONG_COLUMNS) <= {*names}:
@@ -71,21 +71,21 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
             raise ValueError(f"{column} of {description.data} occurs more than once")
         if name not in names:
             hint = ""
-            # A single column is usually a whole line that another separator would split.
+            # A single column is usually a line with a different separator.
             if len(names) == 1:
                 for separator in (";", "\t", "|", ","):
                     if name in map(str.strip, names[0].split(separator)):
                         hint = f", or separator must be {separator!r}"
                         break
-            raise _missing(column, description, names, hint)
+            raise _missing_error(column, description, names, hint)
     return required
 
 
-def _missing(name: str, description: Any, names: list, hint: str = "") -> ValueError:
+def _missing_error(name: str, description: Any, names: list, hint: str = "") -> ValueError:
     """Return the ValueError for a column, channel or observable that a data file does not have.
 
-    `name` is its kind and name, such as "the column 'time'", `names` are those in the file, and
-    `description` is the content of the YAML file. The string `hint` ends the message.
+    `name` is its kind and name, such as "the column 'time'", `names` are the existing names, and
+    `description` is the content of the YAML file. `hint` is appended to the message.
     """
     first_names = ", ".join(map(repr, names[:12]))
     return ValueError(
@@ -93,19 +93,19 @@ def _missing(name: str, description: Any, names: list, hint: str = "") -> ValueE
     )
 
 
-def _data_frame(rows: str, description: Any, dtypes: dict, column_count: int) -> Any:
+def _parse_rows(rows: str, description: Any, dtypes: dict, column_count: int) -> Any:
     """Parse the rows of a CSV file into a pandas data frame whose column names are indices.
 
     `rows` is the content without the header, and `description` has its separator, decimal sign and
-    comment sign. `dtypes` maps indices of the columns to read to their types. A further column,
-    with the index `column_count`, has surplus cells of rows that are too long.
+    comment sign. `dtypes` maps indices of the columns to read to their types. An additional column,
+    with the index `column_count`, has the surplus cells of rows that are too long.
     """
     import pandas as pd
 
-    # From version 3.1 on, pandas rounds numbers correctly by default.
+    # Since version 3.1 pandas rounds numbers correctly by default.
     rounds_correctly = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     options = {} if rounds_correctly else {"float_precision": "round_trip"}
-    # Without the further column, pandas would drop surplus cells of a row silently.
+    # Without the additional column, pandas would silently drop surplus cells.
     header = description.separator.join(map(str, range(column_count + 1)))
     dtypes = {str(i): dtype for i, dtype in dtypes.items()} | {str(column_count): "category"}
     frame = pd.read_csv(
@@ -127,14 +127,14 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
     """Read the required columns of a CSV file; return (columns, names of all columns).
 
     `description` is the content of the YAML file of the data set, with the channels and the format
-    of the file. The columns map names to arrays of numbers, or to pandas categories for the names
-    in `text_columns`. Raise ValueError if a column is missing or a cell is not a number.
+    of the file. The columns map names to arrays of numbers, or to pandas categories for names in
+    `text_columns`. Raise ValueError if a column is missing or a cell is not a number.
     """
     # UTF-8 may begin with a byte order mark.
     encoding = "utf-8-sig" if description.encoding == "utf-8" else description.encoding
     try:
         with open(path, encoding=encoding, newline="") as file:
-            names, rows = _header(file, description), file.read()
+            names, rows = _read_header(file, description), file.read()
     except UnicodeError as error:
         allowed = f"{description.encoding} text ({getattr(error, 'reason', error)})"
         raise checks.InputError("data", description.data, allowed) from None
@@ -144,10 +144,10 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
     indices = {name: names.index(name) for name in _required_columns(names, description)}
     dtypes = {i: "category" if name in text_columns else float for name, i in indices.items()}
     try:
-        frame = _data_frame(rows, description, dtypes, len(names))
+        frame = _parse_rows(rows, description, dtypes, len(names))
     except ValueError:
         raise _not_a_number_error(rows, description, dtypes, names) from None
-    checks.require(len(frame), "data", description.data, "a file with rows: it has none")
+    checks.require(len(frame), "data", description.data, "a file with rows, but it has none")
     has_surplus = frame[len(names)].notna().to_numpy()
     if has_surplus.any():
         hint = " (a decimal comma needs another separator)" if description.separator == "," else ""
@@ -162,11 +162,12 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
 
 
 def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) -> ValueError:
-    """Return the ValueError for the first cell of a CSV file that should be a number and is not.
+    """Return the ValueError for the first cell of a CSV file that should be a number but is not.
 
-    `rows` is the content without the header, `description` that of the YAML file, with separator
-    and decimal sign. `dtypes` maps indices of the columns that are read to their types, and `names`
-    are the names of all columns. The cells are read again as strings to find the wrong one.
+    `rows` is the content without the header, and `description` the content of the YAML file, with
+    separator and decimal sign. `dtypes` maps indices of the columns that are read to their types,
+    and `names` are the names of all columns. The cells are read again as strings to find the wrong
+    one.
     """
     import pandas as pd
 
@@ -174,17 +175,17 @@ def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) 
     # A cell with the other decimal sign is not a number.
     other_sign = "." if description.decimal == "," else ","
     try:
-        frame = _data_frame(rows, description, dict.fromkeys(number_columns, str), len(names))
+        frame = _parse_rows(rows, description, dict.fromkeys(number_columns, str), len(names))
     except ValueError as error:
         return checks.InputError(
             "data", description.data, f"a table ({' '.join(str(error).split())})"
         )
     for i in number_columns:
-        texts = frame[i].str.replace(other_sign, "no sign", regex=False)
-        texts = texts.str.replace(description.decimal, ".", regex=False)
-        is_wrong = (pd.to_numeric(texts, errors="coerce").isna() & frame[i].notna()).to_numpy()
-        if is_wrong.any():
-            row = int(is_wrong.argmax())
+        cells = frame[i].str.replace(other_sign, "no sign", regex=False)
+        cells = cells.str.replace(description.decimal, ".", regex=False)
+        is_invalid = (pd.to_numeric(cells, errors="coerce").isna() & frame[i].notna()).to_numpy()
+        if is_invalid.any():
+            row = int(is_invalid.argmax())
             cell = f"{description.data}, column {names[i]!r}, row {row + 1}"
             allowed = f"a number, with the decimal sign {description.decimal!r} of the key decimal"
             return checks.InputError(cell, frame[i].iloc[row], allowed)
@@ -205,7 +206,7 @@ def read_uff(path: Path, description: Any) -> dict:
 
     content = path.read_bytes()
     if not re.search(rb"^ {4}58b", content, re.MULTILINE | re.IGNORECASE):
-        # pyuff reads blanks at the end of a line as numbers. Binary sets stay as they are.
+        # pyuff reads blanks at the end of a line as numbers. Binary datasets are not changed.
         content = re.sub(rb"[ \t]+(?=\r?$)", b"", content, flags=re.MULTILINE)
     try:
         with TemporaryDirectory() as folder:
@@ -217,7 +218,9 @@ def read_uff(path: Path, description: Any) -> dict:
     except Exception as error:  # pyuff raises various errors for damaged files
         message = " ".join(str(error).split())
         raise checks.InputError("data", description.data, f"a universal file ({message})") from None
-    checks.require(records, "data", description.data, "a universal file with sets 58: it has none")
+    checks.require(
+        records, "data", description.data, "a universal file with datasets 58, but it has none"
+    )
     names = [str(record["id1"]).strip() for record in records]
     columns: dict = {}
     for name, channel in description.channels.items():
@@ -226,34 +229,35 @@ def read_uff(path: Path, description: Any) -> dict:
         if name == "time":
             continue
         if name not in names:
-            raise _missing(f"the channel {name!r}", description, names)
-        where = f"the set {name!r} of {description.data}"
+            raise _missing_error(f"the channel {name!r}", description, names)
+        dataset = f"the set {name!r} of {description.data}"
         if names.count(name) > 1:
-            raise ValueError(f"{where} occurs more than once")
+            raise ValueError(f"{dataset} occurs more than once")
         record = records[names.index(name)]
         if np.iscomplexobj(record["data"]):
-            raise ValueError(f"{where} is complex: it must be real")
+            raise ValueError(f"{dataset} is complex: it must be real")
         count, value_count = record["num_pts"], record["data"].size
         if count > value_count:
             raise ValueError(
-                f"{where} has {value_count} points: it must have {count}, as it states"
+                f"{dataset} has {value_count} points: it must have {count}, as it states"
             )
-        # Values beyond this count are padding.
+        # Values beyond this number are padding.
         time = np.asarray(record["x"][:count], float)
-        kind, label = record["abscissa_spec_data_type"], record["abscissa_axis_units_lab"]
-        allowed = "17, time, or unknown, 0 or 1"
-        checks.require(kind in _TIME_KINDS, f"the kind of the abscissa of {where}", kind, allowed)
+        abscissa_type, label = record["abscissa_spec_data_type"], record["abscissa_axis_units_lab"]
+        abscissa = f"the type of the abscissa of {dataset}"
+        allowed = "17 (time), 0 (unknown) or 1 (general)"
+        checks.require(abscissa_type in _TIME_TYPES, abscissa, abscissa_type, allowed)
         time_channel = description.channels.get("time", Channel(observableId="time", unit="s"))
-        _check_axis_unit(time_channel, "time", where, label)
+        _check_axis_unit(time_channel, "time", dataset, label)
         # All channels share the times of the first one.
         if not np.array_equal(columns.setdefault("time", time), time):
             first_channel = list(columns)[1]  # after "time"
             raise ValueError(
                 f"the channels {first_channel!r} and {name!r} of {description.data} have "
-                "different times: they must be sampled together, or be two measured sets"
+                "different times: they must be sampled together or be in separate data sets"
             )
         columns[name] = np.asarray(record["data"][:count], float)
-        _check_axis_unit(channel, name, where, record["ordinate_axis_units_lab"])
+        _check_axis_unit(channel, name, dataset, record["ordinate_axis_units_lab"])
         if (channel.observableId or name) in ("direction", "condition"):
             import pandas as pd
 
@@ -261,19 +265,19 @@ def read_uff(path: Path, description: Any) -> dict:
     return columns
 
 
-def _check_axis_unit(channel: Any, key: str, where: str, label: str) -> None:
-    """Raise ValueError if the label of an axis states another unit than its channel.
+def _check_axis_unit(channel: Any, key: str, dataset: str, label: str) -> None:
+    """Raise ValueError if the label of an axis states a different unit than its channel.
 
     `label` is the unit in a dataset of type 58 (samples over time) of a universal file. `channel`
-    is the description of the channel in the YAML file, `key` its name, and `where` describes the
-    dataset in messages. Channels without calibration, in counts or of unknown gain, are not
+    is the description of the channel in the YAML file, `key` its name, and `dataset` the name of
+    the dataset in messages. Channels without calibration, in counts or of unknown gain, are not
     checked.
     """
     if channel.unit == COUNTS or channel.gain == "unknown" or label.upper() in _NO_UNITS:
         return
     factor, cf_unit = channel.scale(key)
-    # The axis may spell the unit in upper case; both spellings are tried.
-    for unit in _written_units(label):
+    # The unit on the axis may be spelled in upper case, so both spellings are tried.
+    for unit in _unit_spellings(label):
         try:
             axis_factor, axis_unit = channel.model_copy(update={"unit": unit}).scale(key)
         except ValueError:
@@ -281,14 +285,14 @@ def _check_axis_unit(channel: Any, key: str, where: str, label: str) -> None:
         if axis_unit == cf_unit and math.isclose(axis_factor, factor, rel_tol=1e-9):
             return
         break
-    allowed = f"{label!r}, the unit of the axis of {where}"
+    allowed = f"{label!r}, the unit of the axis of {dataset}"
     raise checks.InputError(f"channels.{key}.unit", channel.unit, allowed)
 
 
-def _written_units(label: str) -> tuple[str, str]:
+def _unit_spellings(label: str) -> tuple[str, str]:
     """Convert the unit of an axis label to the syntax of `gearlib.units`, such as m/s^2.
 
-    Labels are such as (m/s²), M/S2 or 1/min. Return the unit as it is spelt and in lower case.
+    Examples of labels are (m/s²), M/S2 and 1/min. Return the unit as spelled and in lower case.
     """
     # pyuff reads µ and ² in encodings other than UTF-8 as U+FFFD.
     unit = re.sub(r"(?<!\w)\ufffd(?=\w)", "u", label.strip(" ()[]"))
@@ -298,29 +302,29 @@ def _written_units(label: str) -> tuple[str, str]:
     return unit, unit.lower()
 
 
-def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
+def reshape_long_table(description: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
     """Convert a long table to columns over samples; return (columns, deviations, jump speeds).
 
-    `columns` are those of the table, one row per measurement. Measurements at the same condition,
-    time and speed form one sample, NaN for quantities that were not measured. The new columns and
-    their standard deviations map names to arrays in the units of the table; speeds of jumps are a
-    dataset of scalars in min-1. `description` is the content of the YAML file.
+    `columns` are the columns of the table, which has one row per measurement. Measurements at the
+    same condition, time and speed form one sample, NaN for quantities that were not measured. The
+    new columns and their standard deviations map names to arrays in the units of the table; speeds
+    of jumps are a dataset of scalars in min-1. `description` is the content of the YAML file.
     """
-    where = f"{description.data}, column "
-    codes = category_codes(f"{where}{ID_COLUMN!r}", columns[ID_COLUMN])
+    label = f"{description.data}, column "
+    codes = category_codes(f"{label}{ID_COLUMN!r}", columns[ID_COLUMN])
     observables = [str(name) for name in columns[ID_COLUMN].categories]
     values = columns[VALUE_COLUMN]
     noise = columns.get(NOISE_COLUMN, np.full(values.size, np.nan))
     channel_codes = {key: i for i, key in enumerate(observables) if key in description.channels}
     for key in description.channels:
         if key not in channel_codes and key not in columns:
-            raise _missing(f"the observableId {key!r}", description, observables)
+            raise _missing_error(f"the observableId {key!r}", description, observables)
     gap_codes = [i for key, i in channel_codes.items() if description.channels[key].gaps]
     may_be_nan = np.isin(codes, gap_codes)
-    check_finite(f"{where}{VALUE_COLUMN!r}", np.where(may_be_nan & np.isnan(values), 0.0, values))
+    check_finite(f"{label}{VALUE_COLUMN!r}", np.where(may_be_nan & np.isnan(values), 0.0, values))
     wrong_rows = np.flatnonzero((noise < 0) | np.isinf(noise))
     if wrong_rows.size:
-        cell = f"{where}{NOISE_COLUMN!r}, row {wrong_rows[0] + 1}"
+        cell = f"{label}{NOISE_COLUMN!r}, row {wrong_rows[0] + 1}"
         raise checks.InputError(cell, noise[wrong_rows[0]], "a finite number >= 0")
     speeds = xr.Dataset()
     for key in list(channel_codes):
@@ -330,7 +334,7 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
             if rows.size > 1:
                 raise ValueError(
                     f"the observableId {key!r} of {description.data} occurs {rows.size} times: it "
-                    "must occur once"
+                    "must occur only once"
                 )
             factor, units = description.channels[key].scale(key)
             text = measured_names.SPEEDS[name][1]
@@ -341,11 +345,11 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
             speeds[name] = (), values[rows[0]] * factor, attrs
     has_channel = np.isin(codes, list(channel_codes.values()))
     codes, values, noise = codes[has_channel], values[has_channel], noise[has_channel]
-    # A table may have nothing but jump speeds.
+    # A table may have only jump speeds.
     other_columns = columns if codes.size else ()
     coordinates = [name for name in other_columns if name not in (*LONG_COLUMNS, NOISE_COLUMN)]
     sample_columns = {name: columns[name][has_channel] for name in coordinates}
-    samples, first_rows = _sample_indices(where, sample_columns, codes, observables)
+    samples, first_rows = _sample_indices(label, sample_columns, codes, observables)
     sample_columns = {name: column[first_rows] for name, column in sample_columns.items()}
     noise_columns: dict = {}
     for key, code in channel_codes.items():
@@ -356,27 +360,27 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
     return sample_columns, noise_columns, speeds
 
 
-def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
+def _sample_indices(label: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
     """Return (index of the sample of each measurement, (n,), first row of each sample).
 
     Measurements, the rows of a long table, with equal `coordinates` (name -> column, such as time)
     form one sample. `codes`, (n,), are indices of the measured quantities in the list
-    `observables`; `where` begins messages. Raise ValueError if a quantity is measured twice at the
-    same time.
+    `observables`; messages begin with `label`. Raise ValueError if a quantity is measured twice at
+    the same time.
     """
     import pandas as pd
 
-    # Columns of texts are compared by their category codes.
+    # Text columns are compared by their category codes.
     numbers = {name: getattr(column, "codes", column) for name, column in coordinates.items()}
     frame = pd.DataFrame(numbers | {ID_COLUMN: codes})
-    # Repetitions of steady measurements, at infinite time or without a time, are new samples.
+    # Repeated steady measurements, at infinite time or without a time, are separate samples.
     is_steady = np.isinf(coordinates.get("time", np.full(codes.shape, np.inf)))
     repetition = frame.groupby(list(frame.columns), sort=False).cumcount().to_numpy()
     is_repeated = (repetition > 0) & ~is_steady
     if is_repeated.any():
         i = int(is_repeated.argmax())
         raise ValueError(
-            f"{where}'time' = {coordinates['time'][i]:.12g} occurs twice for the observableId "
+            f"{label}'time' = {coordinates['time'][i]:.12g} occurs twice for the observableId "
             f"{observables[codes[i]]!r}, {int(is_repeated.sum())} times in all: it must occur once "
             "in each condition"
         )
@@ -385,49 +389,50 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
     return samples, np.unique(samples, return_index=True)[1]
 
 
-def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
+def check_finite(label: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
     """Raise ValueError unless all numbers of a column are finite.
 
-    `where` names the column in messages. With `gaps`, True or a mask, NaN (not measured) is
-    allowed; with `steady`, infinity is allowed, the time of a steady state.
+    `label` names the column in messages. With `gaps`, True or a mask, NaN (not measured) is
+    allowed; with `steady`, infinity is allowed as the time of a steady state.
     """
-    is_wrong = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(steady & (values == np.inf))
-    if is_wrong.any():
-        row, count = int(is_wrong.argmax()), int(is_wrong.sum())
-        where += f", row {row + 1}" + (f", and {count - 1} more" if count > 1 else "")
+    is_invalid = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(steady & (values == np.inf))
+    if is_invalid.any():
+        row, count = int(is_invalid.argmax()), int(is_invalid.sum())
+        label += f", row {row + 1}" + (f", and {count - 1} more" if count > 1 else "")
         if np.isnan(values[row]):
             raise ValueError(
-                f"{where}, is empty or NaN: it must be a number; with gaps: true in its channel, "
-                "an empty cell means that nothing was measured"
+                f"{label}, is empty or NaN: it must be a number; with gaps: true in its "
+                "channel, an empty cell means that nothing was measured"
             )
-        raise checks.InputError(where, float(values[row]), "finite")
+        raise checks.InputError(label, float(values[row]), "finite")
 
 
-def category_codes(where: str, column: Any) -> np.ndarray:
-    """Return the category codes of a column of strings, indices of its different strings.
+def category_codes(label: str, column: Any) -> np.ndarray:
+    """Return the category codes of a column of strings, the indices of its distinct strings.
 
-    `column` is a pandas categorical array, and `where` names it in messages. Raise ValueError if a
-    cell is empty, code -1.
+    `column` is a pandas categorical array; `label` names it in messages. Raise ValueError if a cell
+    is empty (code -1).
     """
     codes = np.asarray(column.codes)
     if (codes < 0).any():
         row = int((codes < 0).argmax())
-        raise ValueError(f"{where}, row {row + 1}, is empty: it must be a text")
+        raise ValueError(f"{label}, row {row + 1}, is empty: it must be a text")
     return codes
 
 
-def seconds_since_first(where: str, column: Any) -> tuple[np.ndarray, str]:
+def seconds_since_first(label: str, column: Any) -> tuple[np.ndarray, str]:
     """Convert a column of dates to seconds since the earliest date; return (seconds, this date).
 
-    `column` is a pandas categorical array of strings in the format ISO 8601, as is the returned
-    date; `where` names the column in messages. Raise ValueError if a string is not a date.
+    `column` is a pandas categorical array of strings in the format ISO 8601, which is also the
+    format of the returned date; `label` names the column in messages. Raise ValueError if a string
+    is not a date.
     """
     import pandas as pd
 
-    codes = category_codes(where, column)
+    codes = category_codes(label, column)
     instants = pd.to_datetime(list(column.categories), utc=True, format="ISO8601", errors="coerce")
     if instants.isna().any():
         wrong_text = column.categories[int(instants.isna().argmax())]
-        raise checks.InputError(where, wrong_text, "a date by ISO 8601")
+        raise checks.InputError(label, wrong_text, "a date in the format ISO 8601")
     seconds = np.asarray((instants - instants.min()) / pd.Timedelta(1, "s"), float)
     return seconds[codes], instants.min().isoformat()

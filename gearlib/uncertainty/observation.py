@@ -1,4 +1,4 @@
-"""Define observations, measured values with a function that predicts them; evaluate orbits."""
+"""Define observations (measured values and a function that predicts them) and evaluate orbits."""
 
 import math
 from collections.abc import Callable
@@ -25,8 +25,7 @@ MISSING_SPEED_RESIDUAL = 100.0
 #: Smallest relative change between successive measured values that counts as a jump.
 MIN_RELATIVE_JUMP = 0.15
 START_ERROR = (
-    "model is not allowed: the fit starts from its values, but its motion could not be computed to "
-    "the end"
+    "model is not allowed: the fit starts from its values, but the computation of its motion failed"
 )
 #: Statistics of an orbit that can be compared with measured values.
 STATISTICS = (
@@ -42,11 +41,12 @@ STATISTICS = (
 LOAD_SHARING, ORDER_AMPLITUDE = "load_sharing", "order_amplitude"
 #: Samples of a mesh period from which mesh orders are computed.
 SAMPLES_PER_PERIOD = 64
-#: Ends of the branch on which jumps are searched, relative to the highest and lowest jump speed.
+#: Ends of the branch on which jumps are searched for, relative to the highest and lowest jump
+#: speed.
 _BRANCH_START_RATIO, _BRANCH_END_RATIO = 1.5, 0.7
-#: Speeds at which the onset of contact loss is searched, relative to the measured onset.
+#: Speeds at which the onset of contact loss is searched for, relative to the measured onset.
 _ONSET_SPEED_RATIOS = np.linspace(0.7, 1.3, 61)
-#: Arguments of `sweep` with which the motion settles on an orbit at each speed.
+#: Arguments of `sweep` for which the motion settles on an orbit at each speed.
 SETTLING_SWEEP = {"periods": 200, "record_periods": 1}
 
 
@@ -55,26 +55,26 @@ class Channel(NamedTuple):
 
     name: str
     values: np.ndarray
-    deviations: np.ndarray  #: standard deviations; only their ratios count if noise is unknown
+    deviations: np.ndarray  #: standard deviations; only their ratios matter if the noise is unknown
     noise_known: bool
     unknown_gain: bool = False
     unknown_offset: bool = False
-    #: Indices of values that follow each other in speed or time, one sequence in each row, or None.
+    #: Indices of successive values over speed or time, one sequence per row, or None.
     sequence_indices: Any = None
-    #: Whether its residuals have the same weight as the residuals of the channel before it.
+    #: Whether its residuals have the same weight as those of the previous channel.
     shares_weight: bool = False
 
     @property
     def eliminated(self) -> int:
-        """Return the number of sensor constants, gain and offset, that are fitted to the data."""
+        """Return the number of sensor constants (gain, offset) that are fitted to the data."""
         return self.unknown_gain + self.unknown_offset
 
     def signal_and_gain(self, predicted: np.ndarray) -> tuple[np.ndarray, float]:
         """Return (sensor signal, (n,), gain of the sensor) for predicted physical values, (n,).
 
         The signal is gain times value plus offset. An unknown gain or offset is fitted to the
-        measured values by linear least squares (variable projection, Golub and Pereyra 1973); known
-        ones are 1 and 0.
+        measured values by linear least squares (variable projection, Golub and Pereyra 1973);
+        otherwise they are 1 and 0.
         """
         columns = []
         if self.unknown_gain:
@@ -107,11 +107,11 @@ class Observation(NamedTuple):
     kind: str  #: name in messages, such as "run-up"
     channels: list  #: of `Channel`
     predict: Callable  #: model -> `Prediction`
-    draw: Callable  #: predicted sensor signals -> list of `Curve` or `MeasuredSpeed`
+    make_curves: Callable  #: predicted sensor signals -> list of `Curve` or `MeasuredSpeed`
     warning: str = ""
 
     def predicted_signals(self, model: Any) -> list | None:
-        """Return the predicted sensor signal of each channel (sensor), None if a run fails.
+        """Return the predicted sensor signal of each channel (sensor), or None if a run fails.
 
         `model` predicts the measured quantities; unknown gains and offsets of the sensors are
         fitted to the measured values.
@@ -124,10 +124,10 @@ class Observation(NamedTuple):
         return [channel.signal_and_gain(values)[0] for channel, values in channel_values]
 
     def residuals(self, model: Any) -> np.ndarray | None:
-        """Return the residuals of all channels (sensors), (n,), None if a run of the model fails.
+        """Return the residuals of all channels (sensors), (n,), or None if a run fails.
 
-        A residual is (predicted - measured value) / standard deviation. It is 100 for the speed of
-        a jump that the model does not have.
+        A residual is (predicted - measured value) / standard deviation, and 100 for the speed of a
+        jump that the model does not have.
         """
         signals = self.predicted_signals(model)
         if signals is None:
@@ -164,14 +164,14 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: i
 
     Quantities, in SI units, are extrema of displacement and force, fractions of contact time, and
     others. "order_amplitude" has the complex Fourier coefficients of the displacements in m at
-    multiples of the mesh frequency, (orders, meshes), from order 0 on; their moduli are half the
-    amplitudes. `guess` is the initial state for the search of the orbit; `samples_per_period` is
-    the number of samples of a mesh period. Raise `NoOrbit` if the search or the run fails.
+    multiples of the mesh frequency, (orders, meshes), starting at order 0; their moduli are half
+    the amplitudes. `guess` is the initial state for the search of the orbit; `samples_per_period`
+    is the number of samples per mesh period. Raise `NoOrbit` if the search or the run fails.
     """
     orbit = periodic_orbit(model, speed / float(model.speed(1.0)), guess=guess)
     periods = orbit.period  # number of mesh periods
-    settings = {"periods": periods, "record_periods": periods, "initial_state": tuple(orbit.state)}
-    record = run(model, orbit.tuning, samples_per_period, **settings)
+    options = {"periods": periods, "record_periods": periods, "initial_state": tuple(orbit.state)}
+    record = run(model, orbit.tuning, samples_per_period, **options)
     if record.status:
         raise NoOrbit(f"the run at {speed:g} rpm failed")
     tables = {"table": record.summary, "final_states": record.final, "record_periods": periods}
@@ -192,11 +192,11 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: i
 
 
 def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
-    """Return a quantity such as "displacement_max" or "order_amplitude_2" of one mesh, SI units.
+    """Return a quantity of one mesh, such as "displacement_max" or "order_amplitude_2", SI units.
 
-    `quantities` maps names to the values of each mesh on an orbit, as `orbit_quantities` returns
-    them; `mesh` is the index of the mesh. An order amplitude is that of the displacement at a
-    multiple of the mesh frequency.
+    `quantities` maps names to the values of each mesh on an orbit, as returned by
+    `orbit_quantities`; `mesh` is the index of the mesh. An order amplitude is the amplitude of the
+    displacement at a multiple of the mesh frequency.
     """
     kind, _, number = name.rpartition("_")
     if kind == ORDER_AMPLITUDE:
@@ -211,10 +211,10 @@ def resonance_speeds(model: Any, measured: dict) -> dict:
     At a jump the motion changes suddenly to another orbit while the speed increases or decreases.
     `measured` maps the names of the speeds to compute ("jump_up", "jump_down",
     "onset_of_contact_loss") to their measured values in rpm. Speeds that the model does not have
-    are left out.
+    are omitted.
     """
-    # A model with one coordinate and an excitation that repeats every mesh period has a main
-    # resonance. The jumps of other models are folds of their branch of orbits.
+    # `main_resonance` needs one coordinate and an excitation that repeats every mesh period. The
+    # jumps of other models are folds of their branch of orbits.
     if model.size == 2 and model.repeats == 1:
         resonance = main_resonance(model, [RESONANCE_NAMES[name] for name in measured])
         if resonance.failed:
@@ -227,7 +227,7 @@ def resonance_speeds(model: Any, measured: dict) -> dict:
         jumps = {name: speed for name, speed in measured.items() if name.startswith("jump")}
         speeds = fold_speeds(model, jumps) if jumps else {}
         if "onset_of_contact_loss" in measured:
-            speeds["onset_of_contact_loss"] = _onset(model, measured["onset_of_contact_loss"])
+            speeds["onset_of_contact_loss"] = _onset_speed(model, measured["onset_of_contact_loss"])
     return {name: speed for name, speed in speeds.items() if np.isfinite(speed)}
 
 
@@ -236,7 +236,7 @@ def fold_speeds(model: Any, measured: dict) -> dict:
 
     At a fold, a turning point of the branch of periodic orbits over the speed, the motion jumps to
     another orbit. `measured` maps "jump_up" and "jump_down" to speeds in rpm; the result has the
-    same keys, without jumps that the model does not have.
+    same keys, except for jumps that the model does not have.
     """
     resonance_speed = float(model.speed(1.0))
     speeds = {}
@@ -253,15 +253,15 @@ def fold_speeds(model: Any, measured: dict) -> dict:
     return speeds
 
 
-def _onset(model: Any, measured: float) -> float:
-    """Return the speed in rpm at which a model begins or ceases to lose contact.
+def _onset_speed(model: Any, measured: float) -> float:
+    """Return the speed in rpm at which a model starts or ceases to lose contact.
 
-    It is the one closest to the `measured` speed, NaN if there is none within 30 %. A sweep over
-    the speed brackets it, and the exact orbit gives its value.
+    It is the speed closest to the `measured` one, or NaN if there is none within 30 %. A sweep over
+    the speed brackets it, and exact orbits determine its value.
     """
     speeds = measured * _ONSET_SPEED_RATIOS
     curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING_SWEEP)
-    # At the onset, the smallest clearance of a mesh passes 0 in a sweep up.
+    # At the onset the smallest clearance of all meshes passes 0.
     clearances = model.clearances(curve.displacement_min.values, curve.displacement_max.values)
     minima = clearances.reshape(speeds.size, -1).min(axis=1)
     crossings = np.flatnonzero((minima[1:] > 0.0) != (minima[:-1] > 0.0))
@@ -282,10 +282,10 @@ def _onset(model: Any, measured: float) -> float:
 
 
 def _clearances(model: Any, quantities: Any) -> np.ndarray:
-    """Return the distances of the loaded flanks from loss of contact in m, one per mesh.
+    """Return the distances of the loaded flanks from loss of contact in m, one for each mesh.
 
-    Negative values mean a loss of contact. `quantities` has the extrema of an orbit,
-    displacement_min and displacement_max, in m.
+    They are negative if contact is lost. `quantities` has the extrema of an orbit, displacement_min
+    and displacement_max, in m.
     """
     length = model.static_deflection
     minima = np.asarray(quantities["displacement_min"]) / length
@@ -294,7 +294,7 @@ def _clearances(model: Any, quantities: Any) -> np.ndarray:
 
 
 def backlash_excursion(model: Any, quantities: Any) -> float:
-    """Return the largest displacement into the backlash of all meshes, m, 0 without contact loss.
+    """Return the largest displacement into the backlash of any mesh in m, 0 without contact loss.
 
     `quantities` has the extrema of an orbit, displacement_min and displacement_max, in m.
     """

@@ -1,7 +1,8 @@
 """Build the observations that a fit compares: slow sweeps, jump speeds, time histories.
 
 Slow sweeps are compared point by point, each side of a jump with its own branch of orbits; a point
-beyond the fold of the model is compared with the last orbit before it. Jumps are compared by speed.
+beyond the fold of the model is compared with the last orbit before the fold. Jumps are compared by
+their speeds.
 """
 
 import math
@@ -21,18 +22,18 @@ from gearlib.uncertainty.observation import Channel, Curve, MeasuredSpeed, Obser
 
 #: Standard deviation of a measured speed whose noise is not known, relative to the speed.
 _ASSUMED_SPEED_NOISE = 1e-3
-#: Smallest ratio of a jump to the median step between successive points.
+#: Smallest ratio of a jump to the median change between successive points.
 _MIN_JUMP_RATIO = 3.0
 _ORDERS = range(1, observation.SAMPLES_PER_PERIOD // 2 + 1)
 _ORDER_QUANTITIES = [f"{observation.ORDER_AMPLITUDE}_{order}" for order in _ORDERS]
 _SWEEP_QUANTITIES = (*observation.STATISTICS, observation.LOAD_SHARING, *_ORDER_QUANTITIES)
-#: Names of quantities that decrease at a jump up; endings of names of quantities that increase.
+#: Quantities that decrease at a jump up, and name endings of quantities that increase.
 _FALLING_QUANTITIES = ("displacement_min", "dynamic_force_min")
 _RISING_ENDINGS = ("_max", *_ORDER_QUANTITIES[:9])
 
 
-def observations_of(model: Any, data: Any) -> list[Observation]:
-    """Return the `Observation`s of one measured data set, or of a list of them.
+def make_observations(model: Any, data: Any) -> list[Observation]:
+    """Create the `Observation`s of one measured data set or of a list of data sets.
 
     An observation has measured values, such as those of a slow sweep, and a function that predicts
     them. `model` is the model of the rig; its mesh names select the variables that are compared.
@@ -45,7 +46,7 @@ def observations_of(model: Any, data: Any) -> list[Observation]:
 
 
 def _dataset_observations(model: Any, data: Any) -> list[Observation]:
-    """Return the `Observation`s of one measured data set, or raise ValueError if it has none.
+    """Create the `Observation`s of one measured data set, or raise ValueError if it has none.
 
     An observation has measured values and a function that predicts them. `data` is a dataset with a
     displacement over time, quantities over speed, or scalar speeds of jumps; `model` is the model
@@ -62,7 +63,7 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
     observations: list = []
     if has_time or "speed" in data.coords:
         comparable = ("displacement",) if has_time else _SWEEP_QUANTITIES
-        quantities = quantities_of(model, data.data_vars, comparable)
+        quantities = split_variable_names(model, data.data_vars, comparable)
     _check_dataset(data, quantities, speeds)
     if has_time:
         for name, (quantity, mesh) in quantities.items():
@@ -71,7 +72,7 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
     elif quantities:
         sweep_observation, jumps = _sweep_observation(data, quantities)
         observations.append(sweep_observation)
-        # A jump speed that the data set states replaces the one found in the sweep.
+        # A jump speed given in the data set replaces the one found in the sweep.
         speeds = jumps | speeds
     if speeds:
         observations.append(_speed_observation(speeds))
@@ -84,12 +85,12 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
     return observations
 
 
-def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES) -> dict:
-    """Split names of variables: return name -> (quantity, index of the mesh).
+def split_variable_names(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES) -> dict:
+    """Split names of variables into quantity and mesh: return name -> (quantity, mesh index).
 
     `names` are names of variables of a measured data set, such as "load_sharing_sun_2", the load
     sharing of the mesh "sun 2" of a train; `comparable` are the names of the quantities to use.
-    Other variables are left out.
+    Other variables are omitted.
     """
     endings = [f"_{name.replace(' ', '_')}" for name in model.mesh_names] or [""]
     quantities = {}
@@ -106,8 +107,8 @@ def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES)
 def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
     """Raise ValueError unless the compared variables have finite values, SI units and valid noise.
 
-    `data` is a measured dataset. `quantities` maps names of its variables to (quantity, index of
-    the mesh), and `speeds` maps names such as "jump_up" to scalar variables in rpm.
+    `data` is a measured dataset. `quantities` maps names of its variables to (quantity, mesh
+    index), and `speeds` maps names such as "jump_up" to scalar variables in rpm.
     """
     if quantities:
         for name in ("time", "speed", "direction"):
@@ -128,7 +129,7 @@ def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
 def _check_finite_samples(name: str, variable: Any, gaps: bool = False) -> None:
     """Raise ValueError unless a variable has finite real numbers at all samples.
 
-    `name` is its name in messages. NaN (not measured) is allowed with `gaps`, but not everywhere.
+    `name` is its name in messages. With `gaps`, some samples may be NaN (not measured).
     """
     values = variable.values
     checks.require(values.dtype.kind in "iuf", name, str(values.dtype), "of real numbers")
@@ -145,8 +146,8 @@ def _check_finite_samples(name: str, variable: Any, gaps: bool = False) -> None:
 def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
     """Raise ValueError if the attributes that describe the sensor of a variable are invalid.
 
-    These `attrs` are noise_std, the flags unknown_gain and unknown_offset (0 or 1), and units.
-    `name` is the name of the variable in messages, and `quantity` the quantity that was measured.
+    The `attrs` are noise_std, the flags unknown_gain and unknown_offset (0 or 1), and units. `name`
+    is the name of the variable in messages, and `quantity` the measured quantity.
     """
     parameters.check(f"noise_std of {name}", attrs.get("noise_std", 0.0), NonNegative)
     for flag in ("unknown_gain", "unknown_offset"):
@@ -162,8 +163,8 @@ def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
 def _speed_observation(speeds: dict) -> Observation:
     """Return the `Observation` of measured speeds of jumps and of the onset of contact loss.
 
-    `speeds` maps their names, such as "jump_up", to scalar xarray variables in rpm, whose
-    attribute noise_std is the standard deviation, 0 if unknown.
+    `speeds` maps their names, such as "jump_up", to scalar xarray variables in rpm, whose attribute
+    noise_std is the standard deviation, or 0 if unknown.
     """
     measured = {name: float(speed) for name, speed in speeds.items()}
     noise = np.array([speed.attrs.get("noise_std", 0.0) for speed in speeds.values()], float)
@@ -173,32 +174,32 @@ def _speed_observation(speeds: dict) -> Observation:
     def predict(model: Any) -> Prediction:
         """Return the speeds of jumps and onset of a model, NaN if it does not have them.
 
-        The displacement into the backlash is not computed and set to 0.
+        The displacement into the backlash is not computed but set to 0.
         """
         predicted = observation.resonance_speeds(model, measured)
         predicted_values = np.array([predicted.get(name, math.nan) for name in measured])
         return Prediction([predicted_values], backlash_excursion=0.0)
 
-    def draw(signals: list) -> list:
+    def make_curves(signals: list) -> list:
         """Return a `MeasuredSpeed` for each speed; `signals` has the array of predicted speeds."""
         names = [name.replace("_", " ") for name in measured]
         return list(map(MeasuredSpeed, names, values, deviations, signals[0]))
 
     channel = Channel("speeds", values, deviations, noise_known=bool((noise > 0.0).all()))
-    return Observation("speeds", [channel], predict, draw)
+    return Observation("speeds", [channel], predict, make_curves)
 
 
 def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
     """Return (`Observation` of quantities over speed, speeds of the jumps in these sweeps).
 
     `data` is a dataset with the coordinates speed in rpm and direction (1 up, -1 down).
-    `quantities` maps names of its variables to (quantity, index of the mesh). Jump speeds map
-    "jump_up" and "jump_down" to scalar variables in rpm.
+    `quantities` maps names of its variables to (quantity, mesh index). Jump speeds map "jump_up"
+    and "jump_down" to scalar variables in rpm.
     """
     speeds = np.asarray(data.speed.values, float)
     checks.require((speeds > 0.0).all(), "speed", float(speeds.min()), "> 0 in each sample")
     signs = data.direction.values if "direction" in data.coords else np.zeros(len(speeds))
-    branches, jumps = _branches(data, quantities, speeds, signs)
+    branches, jumps = _split_into_branches(data, quantities, speeds, signs)
     sequence = np.concatenate(branches)[None]  # one row of sample indices, branch by branch
     channels = []
     for name in quantities:
@@ -221,7 +222,7 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
     def predict(model: Any) -> Prediction:
         """Return the predicted values of each quantity at all measured speeds.
 
-        Each side of a jump has its own branch of periodic orbits of the model.
+        On each side of a jump they belong to a separate branch of periodic orbits of the model.
         """
         orbits = np.empty(len(speeds), object)
         for branch in branches:
@@ -233,7 +234,7 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
         excursions = (observation.backlash_excursion(model, orbit) for orbit in orbits)
         return Prediction(values, backlash_excursion=max(excursions))
 
-    def draw(signals: list) -> list:
+    def make_curves(signals: list) -> list:
         """Return a `Curve` over speed of the measured and the predicted values of each channel.
 
         `signals` are the predicted signals of the sensors, one array per channel.
@@ -246,20 +247,22 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
             curves.append(Curve(name, units, "speed", speeds, values, signs < 0))
         return curves
 
-    return Observation("branches", channels, predict, draw), jumps
+    return Observation("branches", channels, predict, make_curves), jumps
 
 
-def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray) -> tuple:
-    """Return (indices of the samples on each branch of orbits, speeds of the jumps).
+def _split_into_branches(
+    data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
+) -> tuple:
+    """Return (sample indices of each branch of orbits, speeds of the jumps).
 
     A sweep with a jump has two branches: from its first speed to the jump, and from its last speed
     back to the jump. `data` is the measured dataset; `speeds` in rpm and `signs` have shape
     (samples,). Signs are 1 for upward sweeps, -1 for downward sweeps and 0 for single speeds, each
-    of which is a branch. `quantities` maps names of variables to (quantity, index of the mesh). The
-    jump speeds map "jump_up" and "jump_down" to scalar variables in rpm.
+    of which is a branch. `quantities` maps names of variables to (quantity, mesh index). The jump
+    speeds map "jump_up" and "jump_down" to scalar variables in rpm.
     """
-    # Quantities that always increase or always decrease at a jump up show its direction; others are
-    # used only if there are none of these.
+    # Quantities that always increase or always decrease at a jump up determine its direction; other
+    # quantities are used only if there are none of these.
     falling = [name for name in quantities if quantities[name][0] in _FALLING_QUANTITIES]
     rising = [name for name in quantities if quantities[name][0].endswith(_RISING_ENDINGS)]
     monotonic = [name for name in quantities if name in falling or name in rising]
@@ -290,11 +293,11 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
 
 
 def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
-    """Return the index of the first sample after the largest jump, None without a jump.
+    """Return the index of the first sample after the largest jump, or None without a jump.
 
-    `table` has one row per quantity and one column per sample, in the order of the sweep. A jump is
-    a change between successive samples by more than `min_steps` (a number, or one per row), 15 % of
-    the largest value, and three times the median change. The `sign` 1 selects increases, -1
+    `table` has one row per quantity and one column per sample, in the order of the sweep. At a
+    jump, the change between successive samples exceeds `min_steps` (a number, or one per row), 15 %
+    of the largest value, and three times the median change. The `sign` 1 selects increases, -1
     decreases, 0 both.
     """
     if table.shape[1] < 2:
@@ -312,12 +315,12 @@ def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
 
 
 def _branch_orbits(model: Any, speeds: np.ndarray, samples_per_period: int) -> list[dict]:
-    """Return the quantities of the periodic orbits on one branch, a dictionary for each speed.
+    """Return the quantities of the periodic orbits on a branch, a dictionary for each speed.
 
     The speeds in rpm are in the order of the sweep; `samples_per_period` is the number of samples
-    of a mesh period. The branch ends where the displacement jumps up in an upward sweep, or down in
-    a downward sweep, not at a first impact on the coast side. At the speeds beyond, the last orbit
-    is repeated.
+    per mesh period. The branch ends where the displacement jumps up in an upward sweep, or down in
+    a downward sweep, but not at a first impact on the coast side. The last orbit is repeated at all
+    speeds beyond the end.
     """
     is_sweep_up = len(speeds) < 2 or speeds[-1] > speeds[0]
     # Repeated speeds are computed once.

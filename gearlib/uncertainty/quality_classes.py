@@ -29,15 +29,15 @@ _ALLOWANCES = (
     (600, 500, 420, 340, 290, 240, 200, 135, 64, 30, 0),
     (820, 680, 560, 460, 390, 320, 270, 180, 85, 41, 0),
 )
-#: T_sn in um, DIN 3967, table 2: the tolerances of all rows are parts of two series.
+#: T_sn in um, DIN 3967, table 2: the tolerances of each row are a section of one of two series.
 _SERIES_1 = (3, 5, 8, 12, 20, 30, 50, 80, 130, 200, 300, 500, 800, 1300)
 _SERIES_2 = (6, 10, 16, 25, 40, 60, 100, 160, 250, 400, 600, 1000)
-#: For each row of diameters: the series of tolerances, and the index of tolerance 21 in it.
+#: For each row of diameters, the series of tolerances and the index of tolerance 21 in it.
 _TOLERANCE_SERIES = (_SERIES_1, *(_SERIES_1, _SERIES_2) * 3, _SERIES_1)
 _FIRST_TOLERANCE_INDICES = (0, 1, 0, 2, 1, 3, 2, 4)
-#: Range of the numbers of tolerances in DIN 3967.
+#: First and last number of the tolerances in DIN 3967.
 _FIRST_NUMBER, _LAST_NUMBER = 21, 30
-#: Largest centre distance of a row, m -> IT 5 to IT 11 in um, ISO 286-1.
+#: Largest centre distance of a row in m -> IT 5 to IT 11 in um, ISO 286-1.
 _IT_GRADES = {
     0.018: (8, 11, 18, 27, 43, 70, 110),
     0.03: (9, 13, 21, 33, 52, 84, 130),
@@ -60,8 +60,8 @@ _DESIGNATION_PATTERN = re.compile(r"(\d\d)\s*(ab|bc|cd|[a-h])|(ab|bc|cd|[a-h])\s
 def thickness_limits(diameter: ReferenceDiameter, designation: Any) -> tuple[float, float]:
     """Return the lower and upper allowance of the normal tooth thickness according to DIN 3967, m.
 
-    `diameter` is the reference diameter, m, up to 2.5. A designation such as "27cd" consists of the
-    number of the tolerance, 21 to 30, and the letters of the series of allowances, a to h.
+    `diameter` is the reference diameter in m, up to 2.5. A designation such as "27cd" consists of
+    the number of the tolerance, 21 to 30, and the letters of the series of allowances, a to h.
     """
     text = designation.strip() if isinstance(designation, str) else ""
     match = _DESIGNATION_PATTERN.fullmatch(text)
@@ -75,7 +75,8 @@ def thickness_limits(diameter: ReferenceDiameter, designation: Any) -> tuple[flo
     )
     checks.require(_FIRST_NUMBER <= number <= _LAST_NUMBER, "thickness", designation, allowed)
     row = next(i for i, max_diameter in enumerate(_MAX_DIAMETERS) if diameter <= max_diameter)
-    # The tables are in micrometres; the upper allowance is negative, and the tolerance lies below.
+    # The tables are in micrometres; the upper allowance is negative, and the tolerance extends
+    # below it.
     upper = -_ALLOWANCES[row][_ALLOWANCE_SERIES.index(letters)]
     tolerance = _TOLERANCE_SERIES[row][_FIRST_TOLERANCE_INDICES[row] + number - _FIRST_NUMBER]
     return _MICROMETRE * (upper - tolerance), _MICROMETRE * upper
@@ -99,7 +100,7 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
 def by_class(
     mesh: Any, *, thickness: Any = None, centre_distance: str | None = None, form: bool = False
 ) -> dict:
-    """Return the tolerances of a gear stage by classes, for `gearlib.scatter` of a `StageDesign`.
+    """Return the tolerances of a gear stage by quality classes, for a `StageDesign` in `scatter`.
 
     `mesh` is a `gearlib.geometry.GearStage`. `thickness` is a class of DIN 3967 such as "27cd", or
     a pair of classes for pinion and wheel; the backlash follows if the `StageDesign` has

@@ -1,8 +1,8 @@
-"""Compute motions of models with scattering parameters (`scatter`), and Sobol' indices.
+"""Compute motions of models with scattering parameters (`scatter`) and Sobol' indices.
 
-Motions are computed at once or in shards; the division into shards does not change the result.
-Statistics never mix two motions: sweeps up, sweeps down and runs from other initial states are kept
-apart.
+Motions are computed in one call or in shards; the division into shards does not change the result.
+Statistics never mix two motions: upward sweeps, downward sweeps and runs from random initial states
+are kept separate.
 
 Sobol' indices are fractions of the variance of a quantity. The first-order index of a parameter is
 the fraction that vanishes on average if this parameter is fixed; the total index is the fraction
@@ -46,7 +46,7 @@ from gearlib.uncertainty.designs import (
     QUANTITIES,
     STATUS_MEANINGS,
     Designs,
-    checked_names,
+    check_names,
     count_error_messages,
     quantity_evaluator,
 )
@@ -57,12 +57,13 @@ DIRECTIONS = ("up", "down", "cold", "seeded")
 _QUANTITIES = ("jump_up", "jump_down")
 #: Quantiles of the bands.
 QUANTILES = (0.05, 0.5, 0.95)
-#: Motion on which a seeded run settles: the only motion of the sweeps up and down, the lower or the
-#: higher of two motions, or another motion.
+#: Motion on which a seeded run settles: the only motion of the upward and downward sweeps, the
+#: lower or the higher of two motions, or another motion.
 MOTIONS = ("only", "lower", "higher", "another")
-#: Default limits of seeded starts: displacement and dx/dtau, static deflections.
+#: Default limits of random initial states: displacement and dx/dtau, in units of the static
+#: deflection.
 DEFAULT_BOX = ((-6.0, 6.0), (-6.0, 6.0))
-#: Motions count as equal if their peak-to-peak displacements differ relatively by less.
+#: Motions are equal if the relative difference of their peak-to-peak displacements is below this.
 _EQUAL_MOTION_TOLERANCE = 0.02
 _STATUS_FLAGS = {
     "flag_values": np.arange(NO_DESIGN, len(STATUS_MEANINGS), dtype=np.int8),
@@ -78,15 +79,15 @@ _RUN_VARIABLES = {
 }
 
 
-class SweepSettings(NamedTuple):
-    """Settings of the sweeps over speed that are made for each design."""
+class SweepOptions(NamedTuple):
+    """Options of the sweeps over speed that are computed for each design."""
 
     dimension: str  #: "speed", or "tuning" for models without rotational speed
     grid: np.ndarray  #: speeds in rpm or tunings, increasing
-    directions: tuple  #: some of `DIRECTIONS`
+    directions: tuple  #: a subset of `DIRECTIONS`
     periods: int  #: mesh periods of each run
     record_periods: int  #: number of last periods that are evaluated
-    box: tuple  #: limits of displacement and of dx/dtau of seeded starts
+    box: tuple  #: limits of displacement and dx/dtau of random initial states
 
 
 @checked
@@ -133,7 +134,8 @@ def scatter(
     periods, record_periods : int
         Mesh periods of each run, and the number of last periods that are evaluated.
     box : pair of pairs of float
-        Limits of displacement and dx/dtau of seeded starts, static deflections.
+        Limits of displacement and dx/dtau of random initial states, in units of the static
+        deflection.
     seed : int
         Seed of the scrambling.
     threads : int, optional
@@ -141,7 +143,7 @@ def scatter(
     progress : callable, optional
         Called with the number of samples finished since the last call.
     max_seconds : float, optional
-        Time limit, after which the samples finished so far are returned, see `gearlib.progress`.
+        Time limit in seconds; the samples finished up to then are returned, see `gearlib.progress`.
 
     Returns
     -------
@@ -158,35 +160,35 @@ def scatter(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    settings = {"quantities": quantities, "speed": speed, "seed": seed, "threads": threads}
-    settings |= {"progress": progress, "max_seconds": max_seconds}
+    run_options = {"quantities": quantities, "speed": speed, "seed": seed, "threads": threads}
+    run_options |= {"progress": progress, "max_seconds": max_seconds}
     sweeps = {"speeds": speeds, "tunings": tunings, "directions": directions, "periods": periods}
     sweeps |= {"record_periods": record_periods, "box": box}
-    return join_shards([shard(model, tolerances, n, 0, n, **settings, **sweeps)])
+    return join_shards([shard(model, tolerances, n, 0, n, **run_options, **sweeps)])
 
 
 def shard(
-    model, tolerances, n, start, stop, *, quantities=_QUANTITIES, speed=None, seed=0, **settings
+    model, tolerances, n, start, stop, *, quantities=_QUANTITIES, speed=None, seed=0, **options
 ) -> xr.Dataset:
     """Compute the designs with the indices `start` to `stop` - 1 of the n designs of a `scatter`.
 
     A design is the `model` with random values of its parameters within `tolerances`; `quantities`
-    are computed for each, at `speed` in rpm for a duty point. `settings` are threads, progress,
-    max_seconds, and the arguments of the sweeps: speeds, tunings, directions, periods,
+    are computed for each design, at `speed` in rpm for a duty point. `options` are threads,
+    progress, max_seconds and the arguments of the sweeps: speeds, tunings, directions, periods,
     record_periods and box. Return a dataset over these designs, without statistics.
     """
-    threads, progress = settings.pop("threads", None), settings.pop("progress", None)
+    threads, progress = options.pop("threads", None), options.pop("progress", None)
     checks.require(progress is None or callable(progress), "progress", progress, "a function")
-    limit = TimeLimit(settings.pop("max_seconds", None))
-    quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
+    limit = TimeLimit(options.pop("max_seconds", None))
+    quantities = check_names("quantities", quantities, tuple(QUANTITIES))
     designs = Designs(model, tolerances, seed)
-    sweeps = _sweep_settings(designs.nominal, **settings)
+    sweeps = _check_sweep_options(designs.nominal, **options)
     if sweeps is None and not quantities:
         raise checks.InputError("quantities", quantities, "at least one if no speeds are given")
     evaluator = quantity_evaluator(designs, quantities, speed) if quantities else None
-    done = np.zeros(stop - start, bool)
-    settings = {"threads": threads, "progress": progress, "limit": limit, "done": done}
-    variables = _sample_variables(designs, sweeps, evaluator, range(start, stop), **settings)
+    finished = np.zeros(stop - start, bool)
+    options = {"threads": threads, "progress": progress, "limit": limit, "finished": finished}
+    variables = _compute_samples(designs, sweeps, evaluator, range(start, stop), **options)
     coords: dict = {"sample": np.arange(start, stop)}
     attributes = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
     attributes |= {"samples": n, "seed": designs.seed}
@@ -199,23 +201,23 @@ def shard(
             attributes["speed"] = speed
     title = "Scatter of a gear mesh by its tolerances"
     dataset = make_result(title, designs.nominal, variables, coords, method="scatter", **attributes)
-    return limit.record_missing(dataset, sample=done)
+    return limit.record_missing(dataset, sample=finished)
 
 
-def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, limit, done) -> dict:
-    """Return the variables of a range of samples: parameters, runs, quantities, error messages.
+def _compute_samples(designs, sweeps, evaluator, samples, threads, progress, limit, finished):
+    """Compute a range of samples; return variables: parameters, runs, quantities, error messages.
 
     A sample is a set of random parameters. `designs` are the `Designs` that build their models,
-    `sweeps` the `SweepSettings` of the runs over speed, or None, and `evaluator` a
-    `DesignQuantities`, which computes quantities such as jump speeds, or None. `progress` is called
-    with 1 after each sample. The mask `done`, (samples,), is set for the samples that are finished
-    before the `TimeLimit` is over.
+    `sweeps` the `SweepOptions` of the runs over speed, or None, and `evaluator` the
+    `DesignQuantities` that computes quantities such as jump speeds, or None. `progress` is called
+    with 1 after each sample. The mask `finished`, (samples,), is set for the samples that are
+    finished before the `TimeLimit` is reached.
     """
     count = len(samples)
     tables: dict = {}  # name of a variable of the runs -> array (samples, directions, speeds)
     if sweeps:
         shape = count, len(sweeps.directions), sweeps.grid.size
-        # Two numbers of 8 bytes suffice for the variables of a run.
+        # The variables of a run need less memory than two numbers of 8 bytes.
         numbers_per_sample = 2 * shape[1] * shape[2]
         check_memory(f"{count:,} samples", count, numbers_per_sample, row_name="samples")
         tables = {name: np.full(shape, fill) for name, fill in _RUN_VARIABLES.items()}
@@ -229,8 +231,8 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, li
     def compute_sample(i: int) -> None:
         """Store the results of sample i, or the reason why its model cannot be built.
 
-        Nothing is stored after the time limit. Each call fills other rows of the arrays, so calls
-        may run in several threads.
+        Nothing is stored after the time limit. Each call fills different rows of the arrays, so
+        calls may run in parallel threads.
         """
         if limit.is_over():
             return
@@ -245,7 +247,7 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, li
             if evaluator:
                 build_duty_model = designs.duty_model_builder(values[i])
                 results[i], codes[i] = evaluator.evaluate(design, build_duty_model)
-        done[i] = True
+        finished[i] = True
         if progress:
             progress(1)
 
@@ -253,7 +255,7 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, li
         list(with_progress_bar("samples", pool.map(compute_sample, range(count)), count))
     data: dict = {}
     for name, column in zip(designs.names, values.T, strict=True):
-        # Names of netCDF variables have letters, digits and underscores only.
+        # Names of netCDF variables may only have letters, digits and underscores.
         key = "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")
         data[key] = _variable(("sample",), column.copy(), *designs.units(name))
     if sweeps:
@@ -271,7 +273,7 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, li
     return data | {"refusal": (("sample",), messages)}
 
 
-def _sweep_settings(
+def _check_sweep_options(
     model,
     speeds=None,
     tunings=None,
@@ -279,11 +281,11 @@ def _sweep_settings(
     periods=120,
     record_periods=20,
     box=DEFAULT_BOX,
-) -> SweepSettings | None:
-    """Check the arguments of `scatter` that concern sweeps; return them as `SweepSettings`.
+) -> SweepOptions | None:
+    """Check the arguments of `scatter` that concern sweeps; return them as `SweepOptions`.
 
-    A sweep runs the model at each of the `speeds` in rpm, or at the `tunings` (mesh frequency over
-    natural frequency) of the nominal `model`, over `periods` mesh periods, of which the last
+    In a sweep the model is run at each of the `speeds` in rpm, or at the `tunings` (mesh frequency
+    over natural frequency) of the nominal `model`, over `periods` mesh periods, of which the last
     `record_periods` are evaluated. `box` has the limits of random initial states. Return None if
     neither speeds nor tunings are given.
     """
@@ -297,24 +299,24 @@ def _sweep_settings(
     else:
         check_speed = functools.partial(tuning_at_speed, model)
         grid = check_tunings("speeds", speeds, check_speed, tuning_at=model.tuning_at)
-    directions = checked_names("directions", directions, DIRECTIONS)
+    directions = check_names("directions", directions, DIRECTIONS)
     checks.require(directions, "directions", directions, "at least one")
-    allowed = "without 'seeded' for more than one degree of freedom"
+    allowed = "without 'seeded' for models with more than one degree of freedom"
     checks.require("seeded" not in directions or model.size <= 2, "directions", directions, allowed)
     allowed = f"an integer from 1 to {periods}"
     checks.require(record_periods <= periods, "record_periods", record_periods, allowed)
     checks.require(all(low < high for low, high in box), "box", box, "increasing limits")
     dimension = "tuning" if model.speed is None else "speed"
-    return SweepSettings(dimension, np.sort(grid), directions, periods, record_periods, box)
+    return SweepOptions(dimension, np.sort(grid), directions, periods, record_periods, box)
 
 
-def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, rows: dict) -> None:
-    """Sweep the `model` of one design over speed in all directions, and store the results.
+def _sweep_design(model: Any, sweeps: SweepOptions, unit_point: np.ndarray, rows: dict) -> None:
+    """Sweep the `model` of one design over speed in all directions and store the results.
 
-    `sweeps` are the `SweepSettings`. `rows` maps "height" (peak-to-peak displacement), "factor"
+    `sweeps` are the `SweepOptions`. `rows` maps "height" (peak-to-peak displacement), "factor"
     (dynamic factor), "lost" (contact), "settled" and "run_status" to arrays (directions, speeds),
-    which are filled. `unit_point`, (2,), gives the random initial state of the direction "seeded",
-    where 0 and 1 are the limits of displacement and velocity.
+    which are filled. `unit_point`, (2,), gives the random initial state of the direction "seeded"
+    in the unit square, where 0 and 1 correspond to the limits of displacement and velocity.
     """
     lower, upper = np.transpose(sweeps.box)
     random_state = tuple((lower + (upper - lower) * unit_point).tolist())
@@ -344,15 +346,15 @@ def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, row
 
 
 def _variable(dims, values, units: str, long_name: str, **attributes: Any) -> xr.Variable:
-    """Return an xarray variable with its units, description and further attributes."""
+    """Create an xarray variable with units, description and further attributes."""
     return xr.Variable(dims, values, {"units": units, "long_name": long_name, **attributes})
 
 
 def join_shards(shards: Any) -> xr.Dataset:
     """Join all shards of a scatter, in any order, into the dataset of `scatter`.
 
-    `shards` are datasets of `shard`, each for a range of samples. Statistics over all samples are
-    added. Raise ValueError if a shard is missing or belongs to another scatter.
+    `shards` are datasets from `shard`, each for a range of samples. Statistics over all samples are
+    added. Raise ValueError if a shard is missing or belongs to a different scatter.
     """
     shards = sorted(shards, key=lambda dataset: int(dataset.sample[0]))
     attributes = shards[0].attrs
@@ -362,12 +364,12 @@ def join_shards(shards: Any) -> xr.Dataset:
     samples = np.concatenate([dataset.sample.values for dataset in shards])
     if "complete" not in shards[0] and not np.array_equal(samples, np.arange(n)):
         raise ValueError(
-            f"shards are not allowed: they must have each of the samples 0 to {n - 1} once"
+            f"shards are not allowed: they must contain each of the samples 0 to {n - 1} once"
         )
     options: dict = {"data_vars": "minimal", "coords": "minimal", "compat": "override"}
     data = xr.concat(shards, "sample", join="override", combine_attrs="override", **options)
     if "height" in data:  # there were sweeps
-        data = _with_statistics(data)
+        data = _add_statistics(data)
     for name in QUANTITIES:
         if name not in data:
             continue
@@ -377,23 +379,23 @@ def join_shards(shards: Any) -> xr.Dataset:
         std = float(values.std(ddof=1)) if values.size > 1 else np.nan
         data[f"{name}_mean"] = _variable((), mean, units, f"mean: {text}")
         data[f"{name}_deviation"] = _variable((), std, units, f"standard deviation: {text}")
-    # Shards read from files have a hash of the sources. It must stay the last attribute, so that
+    # Shards read from files have a hash of the sources. It must remain the last attribute, so that
     # the file of a result does not depend on the division into shards.
     source_hash = {name: text for name, text in attributes.items() if name == "source_hash"}
     omitted = "source_hash", "history"
     attributes = {name: value for name, value in attributes.items() if name not in omitted}
     attributes["refused"] = canonical_json(count_error_messages(data.refusal.values))
-    # Shards read from files have encodings, which must not reach the result.
+    # Shards read from files have encodings, which must not be kept in the result.
     data = data.drop_encoding().drop_attrs(deep=False)
     return add_metadata(data).assign_attrs(attributes | source_hash)
 
 
-def _with_statistics(data: xr.Dataset) -> xr.Dataset:
+def _add_statistics(data: xr.Dataset) -> xr.Dataset:
     """Replace the results of single runs in a dataset by statistics over the samples.
 
-    They are quantiles of peak-to-peak displacement and dynamic factor, probabilities of contact
-    loss and of two motions at the same speed, and with random initial states the probability of
-    each motion, over (direction, speed) or over speed.
+    They are quantiles of the peak-to-peak displacement and the dynamic factor, probabilities of
+    contact loss and of two motions at the same speed, and with random initial states the
+    probability of each motion, over (direction, speed) or over speed.
     """
     grid_dim = "tuning" if "tuning" in data.dims else "speed"
     dims, directions = ("direction", grid_dim), data.direction.values.tolist()
@@ -432,7 +434,7 @@ def _with_statistics(data: xr.Dataset) -> xr.Dataset:
     data = data.assign(statistics)
     if "motion_probability" in data:
         data = data.assign_coords(motion=list(MOTIONS))
-    if grid_dim == "tuning":  # the model has no rotational speed and may have any unit of length
+    if grid_dim == "tuning":  # a model without rotational speed may have any unit of length
         text = "quantiles of the peak-to-peak displacement, in the length unit of the model"
         data.height_band.attrs |= {"units": "1", "long_name": text}
     return data
@@ -451,34 +453,34 @@ def _classify_motions(peak_to_peak, low, high, has_two_motions) -> tuple:
     """Return masks of the runs that ended on the only, lower, higher or another motion.
 
     `peak_to_peak` has the peak-to-peak displacements of runs from random initial states. `low` and
-    `high` are the smaller and the larger one of the upward and downward sweeps, and
+    `high` are the smaller and the larger of those of the upward and downward sweeps, and
     `has_two_motions` is a mask where these differ. All have shape (samples, speeds), as do the four
     masks.
     """
     on_low, on_high = _nearly_equal(peak_to_peak, low), _nearly_equal(peak_to_peak, high)
-    # A run within the tolerance of both motions counts for the nearer one.
-    nearer_low = np.abs(peak_to_peak - low) <= np.abs(peak_to_peak - high)
+    # A run within the tolerance of both motions is assigned to the closer one.
+    closer_to_low = np.abs(peak_to_peak - low) <= np.abs(peak_to_peak - high)
     return (
         ~has_two_motions & (on_low | on_high),
-        has_two_motions & on_low & (nearer_low | ~on_high),
-        has_two_motions & on_high & (~nearer_low | ~on_low),
+        has_two_motions & on_low & (closer_to_low | ~on_high),
+        has_two_motions & on_high & (~closer_to_low | ~on_low),
         ~(on_low | on_high),
     )
 
 
 def _nearly_equal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a mask where two peak-to-peak displacements are equal within a relative tolerance."""
+    """Return a mask where peak-to-peak displacements are equal within a relative tolerance."""
     with np.errstate(invalid="ignore"):
         return np.abs(a - b) <= _EQUAL_MOTION_TOLERANCE * np.maximum(a, b)
 
 
 def refused(dataset: xr.Dataset) -> list[str]:
-    """Describe in one line each kind of error that prevented designs in a result of `scatter`.
+    """Describe the errors that prevented designs in a result of `scatter`, one line per type.
 
-    The line has the number of samples with this error and an example of its message.
+    Each line has the number of samples with this error and an example of its message.
     """
     rows, total = json.loads(dataset.attrs["refused"]), dataset.sizes["sample"]
-    return [f"{count} of {total} samples cannot be built, such as: {text}" for count, text in rows]
+    return [f"{count} of {total} samples cannot be built, e.g.: {text}" for count, text in rows]
 
 
 _BOOTSTRAP_RESAMPLES = 200
@@ -530,13 +532,13 @@ def sobol_indices(
         raise ValueError(
             "tolerances.correlations is not allowed: Sobol' indices need independent parameters"
         )
-    quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
+    quantities = check_names("quantities", quantities, tuple(QUANTITIES))
     checks.require(quantities, "quantities", quantities, "at least one")
     evaluator = quantity_evaluator(designs, quantities, speed)
     limit = TimeLimit(max_seconds)
-    tables = _design_tables(designs, evaluator, n, progress, limit)
+    tables = _compute_tables(designs, evaluator, n, progress, limit)
     indices = [
-        _indices_with_intervals(table, confidence, seed, name)
+        _estimate_indices(table, confidence, seed, name)
         for table, name in zip(tables, quantities, strict=True)
     ]
     dims, data = ("quantity", "parameter"), {}
@@ -553,16 +555,14 @@ def sobol_indices(
     return limit.record_missing(dataset, list(range(tables.shape[2], n)))
 
 
-def _design_tables(
-    designs: Designs, evaluator: Any, n: int, progress: Any, limit: TimeLimit
-) -> Any:
+def _compute_tables(designs: Designs, evaluator, n: int, progress, limit: TimeLimit) -> Any:
     """Compute the q quantities for the designs of Saltelli's method, shape (q, k + 2, n).
 
     The k + 2 rows belong to two independent sets A and B of n samples of the k parameters, and to k
-    copies of A with one parameter of B each. Values are NaN for designs that do not have the
-    quantity. `designs` build the models, and `evaluator` is the `DesignQuantities` that computes
-    the quantities; `progress`, a function or None, is called with 1 after each design. If the time
-    of the `TimeLimit` ends, fewer than n samples are returned.
+    copies of A in which one parameter is taken from B. Values are NaN for designs that do not have
+    the quantity. `designs` build the models, and `evaluator` is the `DesignQuantities` that
+    computes the quantities; `progress`, a function or None, is called with 1 after each design. If
+    the `TimeLimit` is reached, fewer than n samples are returned.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
@@ -587,14 +587,14 @@ def _design_tables(
     return np.moveaxis(values[:, : i + 2], 2, 0)
 
 
-def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
+def _estimate_indices(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
     """Return (first-order and total Sobol' indices, (2, k), their intervals, (2, k, 2)).
 
     Sobol' indices are the fractions of the variance of a quantity due to each of k parameters.
     `table`, (k + 2, n), has the values of the quantity for two independent sets of n designs and
-    for k copies of the first with one parameter of the second each, NaN if a design does not have
-    it. `level` is the confidence level, `seed` the seed of the bootstrap, and `name` the quantity
-    in messages.
+    for k copies of the first set with one parameter taken from the second, NaN if a design does not
+    have it. `level` is the confidence level, `seed` the seed of the bootstrap, and `name` the
+    quantity in messages.
     """
     n = table.shape[1]
     complete = np.flatnonzero(np.isfinite(table).all(axis=0))
@@ -604,8 +604,8 @@ def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: st
             f"quantities = {name!r} is not allowed with these tolerances: only {count} of {n} "
             "samples have it in all designs that are compared"
         )
-    # Incomplete samples are replaced by complete ones at equal distances, because Sobol' points
-    # need all n samples.
+    # Incomplete samples are replaced by complete samples at equal distances, because all n Sobol'
+    # points are needed.
     missing_count = n - count
     replacements = np.arange(missing_count) * count // max(missing_count, 1) % count
     samples = np.arange(n)
@@ -613,9 +613,9 @@ def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: st
     table = table[:, samples]
 
     def indices(columns):
-        """Return the first-order and total indices, (2, k), from some columns of the table.
+        """Return the first-order and total indices, (2, k), for selected columns of the table.
 
-        The estimators are those of Saltelli (2010) for the first order and Jansen (1999) for the
+        The estimators are those of Saltelli (2010) for the first-order and Jansen (1999) for the
         total index. The bootstrap calls this function with random columns.
         """
         centred = table[:, columns] - table[:2, columns].mean()

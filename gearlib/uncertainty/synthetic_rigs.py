@@ -1,4 +1,4 @@
-"""Synthetic measured data: simulated sensor signals of a known model, for trials of fits."""
+"""Synthetic measured data: simulated sensor signals of a known model, to try out fits."""
 
 import json
 

@@ -10,7 +10,7 @@ import xarray as xr
 import gearlib
 from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.uncertainty import observation
-from gearlib.uncertainty.observations import quantities_of
+from gearlib.uncertainty.observations import split_variable_names
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER_PAIR
 
@@ -97,7 +97,7 @@ def noisy_orbit(model, speed, names):
     samples = observation.SAMPLES_PER_PERIOD
     orbit = observation.orbit_quantities(model, speed, guess=None, samples_per_period=samples)
     data = xr.Dataset(coords={"speed": ("sample", [speed])})
-    for name, (quantity, mesh) in quantities_of(model, names).items():
+    for name, (quantity, mesh) in split_variable_names(model, names).items():
         value = observation.mesh_quantity(orbit, quantity, mesh)
         attrs = {"noise_std": 0.003 * abs(value)}
         data[name] = "sample", value + rng.normal(0.0, attrs["noise_std"], 1), attrs
@@ -150,7 +150,7 @@ def test_every_settable_parameter_reads_back_the_value_set():
     [
         ({"free": {"contact_ratio": (1.5, 2.5)}}, "contact_ratio = 2.5"),
         ({"data": xr.Dataset()}, "it must have a displacement over time, one of"),
-        ({"free": FREE}, "2 observations for 3 parameters; there must be at least"),
+        ({"free": FREE}, "2 observations for 3 parameters, and must have at least"),
     ],
 )
 def test_a_fit_without_usable_data_or_parameters_is_refused_in_one_sentence(changes, words):

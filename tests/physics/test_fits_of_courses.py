@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 import gearlib
 from gearlib.analysis.order_maps import ShaftRotation
 from gearlib.uncertainty.course_observations import _compared_revolutions, regress_mesh_orders
-from gearlib.uncertainty.observations import observations_of
+from gearlib.uncertainty.observations import make_observations
 from tests.paper import PAPER_PAIR
 
 TRUTH = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
@@ -52,7 +52,7 @@ def run_up(start, seed, gain=1.0, rate=20e3, **known):
 
 def residuals(model, data):
     """Return differences of measured and predicted orders over their standard deviations."""
-    return observations_of(model, data)[0].residuals(model)
+    return make_observations(model, data)[0].residuals(model)
 
 
 def test_too_few_samples_in_a_mesh_period_are_refused():
@@ -97,7 +97,7 @@ def test_a_fit_omits_revolutions_with_gaps():
     data = run_up(0.0, seed=2)
     gap = (data.time > 0.25) & (data.time < 0.27)
     for data_with_gap in (data.isel(sample=~gap.values), data.where(~gap)):
-        with pytest.warns(UserWarning, match="2 of 21 revolutions are left out of the run-up"):
+        with pytest.warns(UserWarning, match="2 of 21 revolutions of the run-up are left out"):
             assert_fit_recovers_truth(gearlib.fit(GUESS, data_with_gap, FREE))
     with pytest.raises(ValueError, match="time = 'of 21 revolutions with gaps' is not allowed"):
         gearlib.fit(GUESS, data.isel(sample=data.time.values % 0.02 > 0.003), FREE)

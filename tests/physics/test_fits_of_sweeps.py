@@ -8,7 +8,7 @@ import xarray as xr
 
 import gearlib
 from gearlib.uncertainty.observation import resonance_speeds
-from gearlib.uncertainty.observations import observations_of
+from gearlib.uncertainty.observations import make_observations
 from tests.paper import PAPER_PAIR
 from tests.properties.known_models import gears
 
@@ -68,9 +68,9 @@ def test_the_load_is_not_identifiable_with_an_unknown_gain():
 def test_a_speed_measured_twice_counts_twice():
     """Repeating all measurements must double the sum of squared residuals."""
     once = resonance(TRUTH, 3).isel(sample=slice(12))
-    residuals = observations_of(TRUTH, once)[0].residuals(TRUTH)
+    residuals = make_observations(TRUTH, once)[0].residuals(TRUTH)
     twice = xr.concat([once, once], "sample", combine_attrs="override")
-    repeated_residuals = observations_of(TRUTH, twice)[0].residuals(TRUTH)
+    repeated_residuals = make_observations(TRUTH, twice)[0].residuals(TRUTH)
     assert repeated_residuals.size == 2 * residuals.size
     np.testing.assert_allclose(
         repeated_residuals @ repeated_residuals, 2.0 * residuals @ residuals, rtol=1e-9
@@ -80,10 +80,10 @@ def test_a_speed_measured_twice_counts_twice():
 def test_points_are_compared_with_the_branch_on_their_side_of_the_jump():
     """Residuals of sweep points must refer to the solution branch on which each point lies."""
     data = resonance(TRUTH, 2, count=21)
-    points, jumps = observations_of(TRUTH, data)
-    drawn_jumps = jumps.draw(jumps.predicted_signals(TRUTH))
+    points, jumps = make_observations(TRUTH, data)
+    drawn_jumps = jumps.make_curves(jumps.predicted_signals(TRUTH))
     assert {jump.name for jump in drawn_jumps} == {"jump up", "jump down"}
-    for curve in points.draw(points.predicted_signals(TRUTH)):
+    for curve in points.make_curves(points.predicted_signals(TRUTH)):
         values, fitted = curve.values
         assert np.sqrt(np.mean((fitted - values) ** 2)) < 0.05 * np.ptp(values)
     # A model that jumps some points later has no large residual, because each point of the data is

@@ -106,7 +106,7 @@ def test_samples_that_cannot_be_built_are_counted_and_reported():
     assert count == int((result.contact_ratio > 2.0).sum()) > 10
     assert (result.run_count == 128 - count).all() and not result.failed_runs.any()
     (text,) = refused(result)
-    assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
+    assert text.startswith(f"{count} of 128 samples cannot be built, e.g.: contact_ratio = 2.")
 
 
 def test_jump_and_onset_speeds_of_samples_match_their_models():

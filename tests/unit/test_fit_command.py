@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import gearlib
 from gearlib.cli import main
-from gearlib.uncertainty.observations import observations_of
+from gearlib.uncertainty.observations import make_observations
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER_PAIR
 from tests.sentences import assert_sentence
@@ -90,7 +90,11 @@ INVALID_SETTINGS = [
         {},
         "free = 'weight' is not allowed: it must be one of",
     ),
-    (["--free", "load=1 kN,2 kN", *FIXED_VALUE_OPTIONS], {}, "a range that holds load = 3289.54"),
+    (
+        ["--free", "load=1 kN,2 kN", *FIXED_VALUE_OPTIONS],
+        {},
+        "a range that contains load = 3289.54",
+    ),
     ([], {"known": {}}, "max_stiffness is missing"),
     ([], {"known": KNOWN_VALUES | {"course": 2450}}, "known.course: speed = 2450"),
     ([], {"table": TABLE[:, :1].repeat(3, 1)}, "must"),
@@ -194,7 +198,7 @@ def test_noise_is_given_per_sample_or_for_a_whole_channel():
     sample_noise, channel_noise = np.array([1e-7, 2e-7, 3e-7]), 2e-7
     data = sweep_data(unknown_gain=1, unknown_offset=1, noise_std=channel_noise, units="V")
     data_with_sample_noise = data.assign(displacement_max_noise_std=("sample", sample_noise))
-    channel = observations_of(PAPER_PAIR, data_with_sample_noise)[0].channels[0]
+    channel = make_observations(PAPER_PAIR, data_with_sample_noise)[0].channels[0]
     assert channel.eliminated == 2 and channel.deviations.tolist() == sample_noise.tolist()
-    channel = observations_of(PAPER_PAIR, data)[0].channels[0]
+    channel = make_observations(PAPER_PAIR, data)[0].channels[0]
     assert channel.deviations.tolist() == [channel_noise] * 3

@@ -196,7 +196,7 @@ INVALID_SETS = {
         TABLE.replace(",", ";"), {"separator": ";", "decimal": ","}
     ),
     "data = 'rig.csv' ... utf-16 text": (TABLE.encode("utf-16-le"), {"encoding": "utf-16"}),
-    "the observableId 'jump_up' of rig.csv occurs 2 times: it must occur once": (
+    "the observableId 'jump_up' of rig.csv occurs 2 times: it must occur only once": (
         "observableId,measurement,time\njump_up,47,0\njump_up,48,1\nx,1,0\n",
         {"channels": {"jump_up": {"unit": "Hz"}, "x": CHANNELS["x"]}},
     ),
@@ -302,7 +302,7 @@ def test_the_unit_of_an_axis_must_agree_with_its_channel(
     ("changes", "message"),
     [
         ({"abscissa_axis_units_lab": "ms"}, "channels.time.unit = 's' .*'ms'"),
-        ({"abscissa_spec_data_type": 18}, "the kind of the abscissa .* = 18 .* 17, time"),
+        ({"abscissa_spec_data_type": 18}, "the type of the abscissa .* = 18 .* 17 .time"),
     ],
 )
 def test_an_abscissa_that_is_not_in_seconds_is_refused(read_set, tmp_path, changes, message):

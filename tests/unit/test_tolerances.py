@@ -23,7 +23,7 @@ PAIR = PAPER_PAIR.replace(material_damping=3953.7)
 
 def draw(tolerances, count=4096):
     """Return the joint distribution of tolerances and values drawn from it, (count, parameters)."""
-    joint = distributions.read(tolerances, PARAMETERS)
+    joint = distributions.read_tolerances(tolerances, PARAMETERS)
     # A shift by half a step of 30 bits avoids the Sobol' point 0, whose normal value is infinite.
     points = stats.qmc.Sobol(len(joint.names), rng=1).random(count) + 2.0**-31
     return joint, joint.values(points)
@@ -76,7 +76,7 @@ REFUSED = """
 {load: {mean: 2.0, std: 0.0}} | tolerances.load.std = 0.0 .* > 0, of mean = 2.0
 {load: {min: -2.0, max: 1.0}} | tolerances.load.min = -2.0 .* > 0
 {load: {mean: -2.0, std: 1.0}} | tolerances.load.mean = -2.0 .* must be .* > 0
-{load: {mean: 2.0, std: 5 kN}} | load.std = '5 kN' .* or a share such as '5 %'
+{load: {mean: 2.0, std: 5 kN}} | load.std = '5 kN' .* or a percentage such as '5 %'
 {load: {std: 1.0}} | tolerances.load.mean is missing
 {load: {nominal: 2.0, upper: -1 %, lower: 1 %}} | upper = '-1 %' .* > lower = '1 %', of nominal = 2
 {load: {mean: 2.0}} | tolerances.load = {'mean': 2.0} .* must be one of {mean, std}
@@ -96,7 +96,7 @@ REFUSED = """
 def test_invalid_tolerances_are_refused_in_one_sentence(row):
     tolerances, words = row.split(" | ")
     with pytest.raises(ValueError, match=words):
-        distributions.read(yaml.safe_load(tolerances), PARAMETERS)
+        distributions.read_tolerances(yaml.safe_load(tolerances), PARAMETERS)
 
 
 BOTH = {"damping_ratio": {"min": 0.03, "max": 0.05}, "material_damping": {"min": 1e3, "max": 2e3}}

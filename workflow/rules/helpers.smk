@@ -72,7 +72,7 @@ def check_tables_and_distributions(checked):
 
         keys = checked.tolerances.config_keys().items()
         with checks.prefix_error_paths("", **{f"tolerances.{name}": key for name, key in keys}):
-            distributions.read(checked.tolerance_distributions(), known_parameters())
+            distributions.read_tolerances(checked.tolerance_distributions(), known_parameters())
 
 
 def checked_configuration(changes):

@@ -444,10 +444,8 @@ def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
     if guess is None:
         # -(-a // b) rounds the quotient a / b up.
         periods = -(-_TRANSIENT_PERIODS // problem.period) * problem.period
-        rest_state = propagator.initial_state((0.0, 0.0))
-        final_states, status_codes = propagator.propagate_many(
-            rest_state[None], periods, problem.max_events
-        )
+        states = propagator.initial_state((0.0, 0.0))[None]
+        final_states, status_codes = propagator.propagate_many(states, periods, problem.max_events)
         status_code = int(status_codes[0])
         if status_code != status.OK:
             raise NoOrbit(f"the simulation from rest failed: {status.MESSAGES[status_code]}")

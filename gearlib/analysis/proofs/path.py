@@ -149,9 +149,7 @@ class Path:
                 continue
             mesh, before, after = contact
             if before != contacts[mesh]:
-                raise ProofFailed(
-                    "contacts", "the contact events are inconsistent with the contact states"
-                )
+                raise ProofFailed("contacts", "the contact events contradict the contact states")
             side = DRIVE_SIDE if DRIVE in (before, after) else COAST_SIDE
             self.initial_phases.append(phase)
             distance = dynamics.distance_rows[mesh][side]
@@ -369,9 +367,8 @@ class Windows:
             if not node.is_contact:
                 start = switch_states[indices[0]] = before
                 continue
-            transition, start, rates = self._cross_window(
-                indices, before, 2 * half_length, contacts
-            )
+            length = 2 * half_length
+            transition, start, rates = self._cross_window(indices, before, length, contacts)
             speeds += rates
             window = module.arb(end.mid(), (half_length + end.rad()).upper())
             phases += [window / path.inverse_tuning] * len(rates)
