@@ -1,4 +1,4 @@
-"""Matrices of a gear train for its FMU, in SI units, by the names of their constants in C."""
+"""Matrices of a gear train in SI units, as constants of the C source of its FMU."""
 
 import math
 from typing import Any
@@ -9,71 +9,71 @@ from gearlib import checks
 from gearlib.models import acceleration
 from gearlib.models.trains import waves
 
-#: Parts of a motion below this fraction are rounding errors.
+#: Components of a motion below this fraction are rounding errors.
 _ROUNDING = 1e-9
 
 
-def check_train(train: Any, prescribed_speed: bool) -> None:
-    """Raise ValueError for a `GearTrain` that cannot be written as an FMU.
+def check_fmu_train(train: Any, prescribed_speed: bool) -> None:
+    """Raise ValueError if a `GearTrain` cannot be written as an FMU.
 
     `prescribed_speed` is True if the speed is an input of the FMU. Friction is not allowed, every
-    mesh needs a damping, and without a prescribed speed torques must be able to turn the train
-    freely.
+    mesh requires damping, and without a prescribed speed the train must be able to rotate freely.
     """
     for mesh in train.meshes:
         owner = f"mesh {mesh.name}"
         checks.require(not any(mesh.friction), "friction", mesh.friction, "0 in an FMU", owner)
         checks.require_damping(mesh.material_damping, f" of {owner}")
-    frame_turns = train.gyroscopic and train.speeds.frame != 0
+    frame_rotates = train.gyroscopic and train.speeds.frame != 0
     allowed = "False in an FMU whose speed is not prescribed, because its forces change with it"
-    checks.require(prescribed_speed or not frame_turns, "gyroscopic", True, allowed)
+    checks.require(prescribed_speed or not frame_rotates, "gyroscopic", True, allowed)
     if not prescribed_speed:
-        allowed = "True, because the train has no free rotation that torques could turn"
-        checks.require(_rotates_freely(train), "prescribed_speed", False, allowed)
+        allowed = "True, because the train has no rigid-body rotation that torques could drive"
+        checks.require(_can_rotate_freely(train), "prescribed_speed", False, allowed)
 
 
-def _rotates_freely(train: Any) -> bool:
+def _can_rotate_freely(train: Any) -> bool:
     """Return whether no spring resists the rigid-body rotation of a train.
 
-    A single motion without resistance ("free motion") counts as this rotation, even if bodies on
-    torsional supports stand still in it. With several, the angles of all bodies must also follow
-    the rotation.
+    The rotation must be a combination of the free motions, which no spring resists. If there are
+    several free motions, the angles of all bodies must follow the rotation; if there is only one,
+    bodies on torsional supports may be at rest.
     """
-    free, names = train.free_motions, train.names["body"]
-    if free.shape[1] == 0:
+    free_motions, names = train.free_motions, train.names["body"]
+    if free_motions.shape[1] == 0:
         return False
     motion, speeds = acceleration.rigid_motion(train, names)
-    # Part of the rotation that is no combination of the mass-normalised free motions.
-    remainder = motion - free @ (free.T @ (train.structure.mass @ motion))
+    # Subtract the projection of the rotation on the mass-normalised free motions.
+    remainder = motion - free_motions @ (free_motions.T @ (train.structure.mass @ motion))
     largest_motion = np.abs(motion).max()
     is_free = largest_motion > 0.0 and np.abs(remainder).max() <= _ROUNDING * largest_motion
-    if free.shape[1] == 1:
+    if free_motions.shape[1] == 1:
         return is_free
     radii = np.array([body.base_radius for body in train.bodies])
     rates = train.structure.motions[:, 2] @ motion / radii
     return is_free and np.abs(rates - speeds).max() <= _ROUNDING * np.abs(speeds).max()
 
 
-def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, Any]:
-    """Return the constants of the template: name in C -> array, float or int.
+def train_constants(train: Any, prescribed_speed: bool, speed: float) -> dict[str, Any]:
+    """Return the constants of the C template as {name in C: array, float or int}.
 
-    `prescribed_speed` is True if the speed is an input; `speed` is the speed of the reference
-    pinion at the start in rpm, >= 0.
+    `prescribed_speed` is True if the speed is an input of the FMU. `speed` is the initial speed of
+    the reference pinion in rpm, >= 0.
     """
     structure, names = train.structure, train.names["body"]
     inverse_mass = np.linalg.inv(structure.mass)
-    lines = np.stack([train.coast_lines, structure.lines])
+    mesh_jacobians = np.stack([train.coast_lines, structure.mesh_jacobian])
     radii = np.array([body.base_radius for body in train.bodies])
     rotations = structure.motions[:, 2] / radii[:, None]
     pinion_rate = float(train.speeds.in_housing[train.reference_pinion.name])
     frequencies, amplitudes, constants = train.excitation
-    padded = np.zeros((2, len(train.meshes), 2 * max(frequencies.size, 1)))
-    padded[..., : 2 * frequencies.size] = amplitudes
-    forces = np.zeros((len(inverse_mass), padded.shape[2]))
+    padded_amplitudes = np.zeros((2, len(train.meshes), 2 * max(frequencies.size, 1)))
+    padded_amplitudes[..., : 2 * frequencies.size] = amplitudes
+    forces = np.zeros((len(inverse_mass), padded_amplitudes.shape[2]))
     forces[:, : 2 * frequencies.size] = inverse_mass @ train.harmonic_forces
-    gap_varies = (lines[0] != lines[1]).any(axis=1) | (padded[0] != padded[1]).any(axis=1)
+    jacobian_varies = (mesh_jacobians[0] != mesh_jacobians[1]).any(axis=1)
+    gap_varies = jacobian_varies | (padded_amplitudes[0] != padded_amplitudes[1]).any(axis=1)
     backlashes = np.array([mesh.backlash for mesh in train.meshes])
-    oil_damping = np.array([mesh.backlash_damping for mesh in train.meshes])
+    backlash_damping = np.array([mesh.backlash_damping for mesh in train.meshes])
     damping = np.array([mesh.known_damping for mesh in train.meshes])
     has_coast = np.isfinite(backlashes)
     n, state = len(structure.coordinates), np.array(train.static_state(1.0))
@@ -92,7 +92,7 @@ def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, An
         "FRAME_RATE": frame_rate,
         "START_RATE": speed * math.pi / 30.0 / abs(pinion_rate),
         "HIGHEST_HARMONIC": float(frequencies.max(initial=0.0)),
-        "NORM": _norms(train),
+        "NORM": _rate_bound(train),
         "RATIO": np.array([float(ratio) for ratio in train.frequency_ratios]),
         "STIFFNESS": inverse_mass @ structure.stiffness,
         "DAMPING": inverse_mass @ structure.damping,
@@ -100,12 +100,12 @@ def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, An
         "FRAME_DAMPING": inverse_mass @ structure.coriolis,
         "LOAD": inverse_mass @ (np.zeros(n) if train.matrices is None else train.matrices.load),
         "FRAME_LOAD": inverse_mass @ structure.centrifugal_load,
-        "LINE": lines,
-        "LINE_INPUT": lines @ inverse_mass,
-        "OIL_DAMPING": oil_damping,
-        "ADDED_DAMPING": damping - oil_damping,
+        "LINE": mesh_jacobians,
+        "LINE_INPUT": mesh_jacobians @ inverse_mass,
+        "OIL_DAMPING": backlash_damping,
+        "ADDED_DAMPING": damping - backlash_damping,
         "HARMONIC": np.append(frequencies, [] if frequencies.size else [0.0]),
-        "AMPLITUDE": padded,
+        "AMPLITUDE": padded_amplitudes,
         "FORCE": forces,
         "CONSTANT": constants,
         "HAS_COAST": has_coast.astype(int),
@@ -116,23 +116,23 @@ def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, An
         "START_Q": start * train.static_deflection,
         "START_TORQUE": np.array([body.torque for body in train.bodies]),
         "START_BACKLASH": np.where(has_coast, backlashes, 0.0),
-        **_rotation(train, rotations, prescribed_speed),
-        **_levels(train),
+        **_rotation_constants(train, rotations, prescribed_speed),
+        **_stiffness_level_constants(train),
     }
 
 
-def _norms(train: Any) -> np.ndarray:
-    """Return a bound of the rates of all motions in rad/s, as a polynomial of the frame speed.
+def _rate_bound(train: Any) -> np.ndarray:
+    """Return an upper bound of the rates of all motions in rad/s, a polynomial in the frame speed.
 
-    The result, shape (3,), holds the coefficients of the powers 0, 1 and 2 of the speed, in rad/s,
-    of the frame that rotates with the carrier. The bound limits the steps of the FMU.
+    The result, shape (3,), contains the coefficients of the powers 0, 1 and 2 of the speed in rad/s
+    of the frame that rotates with the carrier. The bound limits the step length of the FMU.
     """
     structure = train.structure
     omega = train.reference_angular_frequency
     at_rest = (train.replace(gyroscopic=False) if train.gyroscopic else train).norm_at_rest
     root = np.linalg.inv(np.linalg.cholesky(structure.mass))
     stiffness = structure.stiffness.copy()
-    for mesh, line in zip(train.meshes, structure.lines, strict=True):
+    for mesh, line in zip(train.meshes, structure.mesh_jacobian, strict=True):
         stiffness += mesh.max_stiffness * np.outer(line, line)
     skew = root @ (stiffness - stiffness.T) @ root.T / 2.0
     stiffness_norm = np.linalg.norm(root @ stiffness @ root.T, 2) + np.linalg.norm(skew, 2)
@@ -140,18 +140,20 @@ def _norms(train: Any) -> np.ndarray:
     coriolis_norm = float(np.linalg.norm(root @ structure.coriolis @ root.T, 2))
     circulatory_norm = float(np.linalg.norm(root @ structure.circulatory @ root.T, 2))
     centrifugal_norm = float(np.linalg.norm(root @ structure.centrifugal @ root.T, 2))
-    # Coriolis forces act like a damping; the other forces of the frame act like a stiffness, which
-    # is divided by the highest natural frequency.
+    # Coriolis forces act like damping. The other forces of the rotating frame act like a stiffness,
+    # whose contribution is divided by the highest natural frequency.
     linear = coriolis_norm + circulatory_norm / frequency
     return np.array([at_rest * omega, linear, centrifugal_norm / frequency])
 
 
-def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict[str, Any]:
-    """Return the constants of the rigid-body rotation: name in C -> value.
+def _rotation_constants(
+    train: Any, rotations: np.ndarray, prescribed_speed: bool
+) -> dict[str, Any]:
+    """Return the constants of the rigid-body rotation as {name in C: value}.
 
-    The driver is the index of the body whose torque holds a prescribed speed, -1 if there is none;
-    this torque is the sum of the other torques times their shares. `rotations`, shape (b, n), maps
-    the n coordinates to the angles of b bodies in rad.
+    The driver is the index of the body whose torque maintains a prescribed speed, or -1 if there is
+    none. Its torque is a weighted sum of all other torques; the weights are the shares.
+    `rotations`, shape (b, n), maps the n coordinates to the angles of b bodies in rad.
     """
     names = train.names["body"]
     motion, speeds = acceleration.rigid_motion(train, names)
@@ -161,9 +163,9 @@ def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict
     candidate = names.index(acceleration.default_driver(train, speeds))
     has_driver = prescribed_speed and train.free_motions.size > 0
     if has_driver and abs(rates[candidate]) > _ROUNDING * np.abs(rates).max():
-        # All torques together do no work on the rotation.
+        # The torque of the driver is such that the total power in the rotation is zero.
         driver, shares = candidate, -rates / rates[candidate]
-    body_rates = rates if _rotates_freely(train) else np.array(speeds)
+    body_rates = rates if _can_rotate_freely(train) else np.array(speeds)
     return {
         "RIGID": motion,
         "TORQUE_RATE": rates / (motion @ mass @ motion),
@@ -173,21 +175,24 @@ def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict
     }
 
 
-def _levels(train: Any) -> dict[str, np.ndarray]:
-    """Return the stiffness levels on the (coast, drive) sides of the meshes: name in C -> array.
+def _stiffness_level_constants(train: Any) -> dict[str, np.ndarray]:
+    """Return the stiffness levels of the meshes as {name in C: array}.
 
-    The arrays hold, for each side and mesh, the number of levels (1 or 2), the phases in mesh
-    periods at which the levels start, in ascending order, and their stiffnesses in N/m.
+    The arrays contain, for each side (coast, drive) and mesh, the number of levels (1 or 2), the
+    phases in mesh periods at which the levels start, in ascending order, and the stiffnesses in
+    N/m.
     """
     counts = np.ones((2, len(train.meshes)), dtype=int)
     phases, values = np.zeros((2, 2, len(train.meshes), 2))
     for j, mesh in enumerate(train.meshes):
-        # Phases in the middle of the upper level, whose length is the contact ratio minus 1.
+        # Phases of the midpoints of the upper level, whose length is the contact ratio minus 1.
         middles = train.coast_phases[mesh.name], train.phases[mesh.name]
         stiffness = mesh.max_stiffness * np.array([1.0, mesh.stiffness_ratio])
         for side, middle in enumerate(middles):
             if not mesh.varies:
-                values[side, j] = stiffness[int(waves.at_lower_level(mesh, middles, [0.0])[0, 0])]
+                values[side, j] = stiffness[
+                    int(waves.is_at_lower_level(mesh, middles, [0.0])[0, 0])
+                ]
                 continue
             half_length = (mesh.contact_ratio - 1.0) / 2.0
             starts = np.mod([middle - half_length, middle + half_length], 1.0)
@@ -198,17 +203,18 @@ def _levels(train: Any) -> dict[str, np.ndarray]:
     return {"L": 2, "LEVELS": counts, "LEVEL_PHASE": phases, "LEVEL_VALUE": values}
 
 
-def bearings(train: Any) -> tuple[list[tuple[str, str]], np.ndarray]:
-    """Return the forces of the bodies on their bearings as (names, rows).
+def bearing_force_rows(train: Any) -> tuple[list[tuple[str, str]], np.ndarray]:
+    """Return the rows of the matrix that computes the forces of the bodies on their bearings.
 
-    A name is (name of the body, "x", "y", "radial" or "tangential"). Rows, shape (r, 3 n + m + 1),
-    are multiplied by n coordinates, n rates, n accelerations, m mesh forces and the acceleration of
-    the phase; the result is a force in N. An elastic bearing carries the force of its deflection, a
-    rigid one balances the other forces. Forces that are always 0 are left out.
+    Return (names, rows). A name is (name of the body, direction "x", "y", "radial" or
+    "tangential"). The product of a row, of length 3 n + m + 1, with the vector of n coordinates, n
+    velocities, n accelerations, m mesh forces and the acceleration of the mesh phase is a force in
+    N. The force of an elastic bearing follows from its deflection, and a rigid bearing balances all
+    other forces. Forces that are always 0 are omitted.
     """
     structure = train.structure
-    m, n = structure.lines.shape
-    if train.matrices is not None:  # Their bearings are parts of the matrices.
+    m, n = structure.mesh_jacobian.shape
+    if train.matrices is not None:  # the matrices include the bearings
         return [], np.zeros((0, 3 * n + m + 1))
     motions = dict(zip(train.names["body"], structure.motions, strict=True))
     rigid_motion = acceleration.rigid_motion(train, train.names["body"])[0]
@@ -217,11 +223,11 @@ def bearings(train: Any) -> tuple[list[tuple[str, str]], np.ndarray]:
         axes, rotation = ("x", "y"), np.eye(2)
         deflections = motions[body.name][:2]
         if body.carrier:
-            c, s = math.cos(body.angle), math.sin(body.angle)
-            axes, rotation = ("radial", "tangential"), np.array([[c, s], [-s, c]])
+            cosine, sine = math.cos(body.angle), math.sin(body.angle)
+            axes, rotation = ("radial", "tangential"), np.array([[cosine, sine], [-sine, cosine]])
             pin = motions[body.carrier]
             deflections = rotation @ (deflections - pin[:2]) - [np.zeros(n), pin[2]]
-        # Sum of all other forces on the body along x and y, with its inertia forces.
+        # Sum of all other forces on the body in x and y, including its inertia forces.
         forces = np.zeros((2, 3 * n + m + 1))
         inertia = (body.mass or 0.0) * motions[body.name][:2]
         forces[:, 2 * n : 3 * n], forces[:, -1] = -inertia, -inertia @ rigid_motion

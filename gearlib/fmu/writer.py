@@ -24,7 +24,7 @@ from gearlib.units import cf_units
 from gearlib.version import __version__
 
 _TEMPLATE = Path(__file__).with_name("template.c")
-#: Unit of a variable -> powers of metre, kilogram, second and radian.
+#: Unit of a variable -> exponents of metre, kilogram, second and radian.
 _UNITS = {
     "s": {"s": 1},
     "m": {"m": 1},
@@ -41,7 +41,7 @@ _SYSTEMS = {
     "Windows": ("windows", ".dll"),
 }
 _FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
-#: Time of all entries of the archive, so that the same FMU has the same bytes.
+#: Fixed timestamp of all entries of the archive, which makes the FMU file reproducible.
 _ENTRY_TIME = (1980, 1, 1, 0, 0, 0)
 _StartSpeed = Annotated[float, Ge(0), Unit("rpm", "2000 rpm")]
 
@@ -54,38 +54,38 @@ def write_fmu(
 
     The FMU contains C99 sources with the matrices of the train and, if there is a C compiler, a
     binary for this machine; without a compiler a warning is issued. The motion is the same as with
-    `simulate` and `run_up`: in closed form from event to event, at any communication step. A step
+    `simulate` and `run_up`: in closed form from event to event, for any communication step. A step
     returns early at contact events if the importer uses Event Mode.
 
     Inputs are the torques on the bodies in N m, positive counterclockwise. Unbalanced torques
     accelerate the rigid-body rotation of the train, which determines the phases of the meshes;
-    dampers act on the deviations from it. With `prescribed_speed` the speed of the reference pinion
-    is an input instead, and the torque that holds it acts on the body with the largest input power.
-    A new speed acts at once, without the inertia forces of its change.
+    dampers act on the deviations from this rotation. With `prescribed_speed` the speed of the
+    reference pinion is an input instead, and the torque that maintains it acts on the body with the
+    largest input power. A change of this input takes effect immediately, without inertia forces.
 
-    Backlashes are tunable parameters. Outputs are angle and speed of every body, displacement,
-    elastic force and contact (1 drive side, 0 none, -1 coast side) of every mesh, and the forces on
-    bearing_force_rows; forces on pins of a carrier are radial and tangential. The coordinates and
-    their rates are local variables that can be set. The initial state is the static equilibrium at
-    mesh phase 0.
+    Backlashes are tunable parameters. Outputs are angle and speed of each body, displacement,
+    elastic force and contact (1 drive side, 0 none, -1 coast side) of each mesh, and the forces on
+    bearings; forces on the pins of a carrier are radial and tangential. The coordinates and their
+    rates are local variables that can be set. The initial state is the static equilibrium at mesh
+    phase 0.
 
     Parameters
     ----------
     model : GearTrain or SixDegreePair
-        The gears; friction is refused, and so are models without bodies such as a GearPair.
+        The gears. Friction is not supported, nor are models without bodies such as a GearPair.
     path : str or path-like
-        File to write, which must end with .fmu. An existing file is replaced.
+        File to write, with a name that ends with .fmu. An existing file is replaced.
     prescribed_speed : bool, default False
         Whether the speed is an input. This is required for trains with forces of a rotating frame
         (`gyroscopic`), and for trains that cannot rotate freely as a whole.
     speed : float, default 0
-        Speed of the reference pinion at the start in rpm, finite, >= 0, in its sense of rotation.
+        Initial speed of the reference pinion in rpm, finite, >= 0, in its sense of rotation.
 
     Raises
     ------
     ValueError
-        If the model cannot be written as an FMU, or the file name does not end with .fmu; the
-        message names key and value.
+        If the model cannot be written as an FMU, or if the file name does not end with .fmu; the
+        message states the parameter and its value.
     """
     path = Path(path)
     checks.require(path.suffix == ".fmu", "path", str(path), "a name that ends with .fmu")
@@ -118,7 +118,7 @@ def write_fmu(
 
 
 def _c_literal(value: Any) -> str:
-    """Return a number or an array as C source; hexadecimal floats are exact."""
+    """Convert a number or an array to C source; floats are hexadecimal, hence exact."""
     if isinstance(value, np.ndarray):
         return f"{{{', '.join(map(_c_literal, value))}}}"
     return float(value).hex() if isinstance(value, float) else str(int(value))
@@ -127,8 +127,8 @@ def _c_literal(value: Any) -> str:
 def _c_header(data: dict[str, Any]) -> str:
     """Return the C header with the constants of a train.
 
-    `data` maps names in C to arrays, floats or integers. Arrays become static constants, and
-    numbers become macros, because C needs them as sizes of arrays.
+    `data` maps names in C to arrays, floats or integers. Arrays become static constants. Numbers
+    become macros, because some of them are array sizes.
     """
     lines = ["/* Matrices of a gear train in SI units, written by gearlib. */\n"]
     for name, value in data.items():
@@ -145,9 +145,9 @@ def _compile_binary(sources: dict[str, str], identifier: str) -> dict[str, bytes
     """Compile the C sources; return the shared library as {path in the FMU: content}.
 
     `sources` maps file names to source code, and `identifier` is the model identifier. If there is
-    no compiler, or it fails, warn with the reason and return an empty dict.
+    no compiler or it fails, warn with the reason and return an empty dict.
     """
-    # FMI names the folder of a binary by processor and operating system, as in x86_64-linux.
+    # FMI requires a folder named after processor and operating system, e.g. x86_64-linux.
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
     system, suffix = _SYSTEMS.get(platform.system(), ("linux", ".so"))
     names = [name for name in (os.environ.get("CC"), "cc", "gcc", "clang") if name]
@@ -168,9 +168,9 @@ def _compile_binary(sources: dict[str, str], identifier: str) -> dict[str, bytes
 
 
 def _xml_element(tag: str, content: str = "", /, **attributes: Any) -> str:
-    """Return an XML element called `tag` with the given content and attributes as a string.
+    """Return an XML element as a string, with the given tag, content and attributes.
 
-    Attributes that are None are left out.
+    Attributes that are None are omitted.
     """
     text = "".join(
         f" {name}={quoteattr(str(value))}"
@@ -181,20 +181,21 @@ def _xml_element(tag: str, content: str = "", /, **attributes: Any) -> str:
 
 
 def _fmi_variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tuple[dict, str]]:
-    """Return (attributes, type) of all variables in the order of the value references in C.
+    """Return (attributes, FMI type) of all variables in the order of their value references.
 
-    `data` are the constants of the template, and `bearing_names` are pairs (body, axis).
+    `data` contains the constants of the C template, and `bearing_names` are pairs (body, axis). The
+    order must be the same as in the C source.
     """
     coordinates = [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
     reference, local, output = 0, {"causality": "local"}, {"causality": "output"}
     variables: list[tuple[dict, str]] = []
 
     def add(name, unit, description, kind="Float64", shown=True, start=None, **attributes):
-        """Add a variable of the FMI type `kind` with the next value reference to `variables`.
+        """Append a variable of the FMI type `kind` with the next value reference to `variables`.
 
-        `start` is its initial value, None if it is computed; `attributes` are others of its XML
-        element. A variable that is not `shown` still uses its reference, because the C source
-        numbers all of them.
+        `start` is its initial value, or None if it is computed; `attributes` are further attributes
+        of its XML element. A variable that is not `shown` still has a value reference, because the
+        C source numbers all variables.
         """
         nonlocal reference
         if start is not None:
@@ -224,7 +225,7 @@ def _fmi_variables(train: Any, data: dict[str, Any], bearing_names: list) -> lis
     for b, body in enumerate(train.bodies):
         name, shown = f"torque.{body.name}", bool(data["ROTATION"][b].any())
         if b == data["DRIVER"]:
-            add(name, "N m", "Torque that holds the speed", shown=shown, **output)
+            add(name, "N m", "Torque that maintains the speed", shown=shown, **output)
         else:
             add(name, "N m", "Torque", shown=shown, start=body.torque, causality="input")
     tunable = {"causality": "parameter", "variability": "tunable"}
@@ -249,10 +250,10 @@ def _fmi_variables(train: Any, data: dict[str, Any], bearing_names: list) -> lis
 
 
 def _model_description(train, data, bearing_names, identifier: str, token: str) -> str:
-    """Return modelDescription.xml, which lists the variables and capabilities of the FMU.
+    """Return the content of modelDescription.xml, with variables and capabilities of the FMU.
 
     `data` maps names in C to the constants of the train, and `bearing_names` are pairs (body,
-    axis). `identifier` is the model identifier, and `token` is the instantiation token, a hash,
+    axis). `identifier` is the model identifier, and `token` is the instantiation token, a hash
     without braces.
     """
     variables = _fmi_variables(train, data, bearing_names)
@@ -291,7 +292,7 @@ def _model_description(train, data, bearing_names, identifier: str, token: str) 
 
 
 def _build_description(identifier: str) -> str:
-    """Return buildDescription.xml, by which importers compile the sources, as a string.
+    """Return the content of buildDescription.xml, from which importers compile the sources.
 
     `identifier` is the model identifier.
     """

@@ -19,10 +19,10 @@ from gearlib.parameters import Count, Limits, NonNegative, Positive, Values, Who
 from gearlib.progress import TimeLimit, with_progress_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, check_memory, tuning_at_speed
 
-#: Variables that are in SI units only in run-ups: name -> (CF units, long_name).
+#: Variables that have SI units in run-ups only: name -> (CF units, long_name).
 _SI_VARIABLES = {
     "time": ("s", "time"),
-    "load_ratio": ("1", "load over that of the model"),
+    "load_ratio": ("1", "ratio of the load to the load of the model"),
     "displacement": ("m", "relative mesh displacement"),
     "velocity": ("m s-1", "relative mesh velocity"),
     "acceleration": ("m s-2", "relative mesh acceleration"),
@@ -40,12 +40,13 @@ _SI_VARIABLES = {
         if column.scale
     },
 }
-#: Rows (time in s, speed in rpm), and rows (time in s, ratio of the load to the load of the model).
+#: A speed course has rows (time in s, speed in rpm), a load course rows (time in s, ratio of the
+#: load to the load of the model).
 _SpeedCourse = Annotated[
     tuple[Annotated[tuple[NonNegative, ...], Values(2)], ...], Values(), MinLen(1)
 ]
 _LoadCourse = Annotated[tuple[Limits, ...], Values(), MinLen(1)]
-#: Estimate of the numbers stored per mesh and mesh period, without samples: summary and events.
+#: Estimated count of numbers stored per mesh and mesh period in summaries and events.
 _NUMBERS_PER_PERIOD = 40
 
 
@@ -69,31 +70,32 @@ def run_up(
 ):
     """Run a model up, down, or along any piecewise linear course of speed and load.
 
-    At constant acceleration the stiffness switches at roots of a quadratic equation, and between
-    these switches the solution has a closed form, as at constant speed. With run-out, deviations or
-    pairs of teeth the solution is a power series, accurate to rounding error; the attribute
-    ``source`` says which of the two was used. The mesh transmits the load and the inertia torque,
-    see `gearlib.models.acceleration`.
+    At constant acceleration the stiffness switches at roots of a quadratic equation, and the
+    solution between these switches has a closed form, as at constant speed. With run-out,
+    deviations or tooth pairs, the solution is a power series that is accurate to rounding error;
+    the attribute ``source`` states which of the two was used. The mesh transmits the load and the
+    inertia torque; see `gearlib.models.acceleration`.
 
     Parameters
     ----------
     model : GearPair, LoadSharingPair, OneDegreePair, SixDegreePair or GearTrain
-        The model to run. It must be piecewise linear, with linear damping and, unless it has pairs
-        of teeth, a stiffness that is constant between switches, and without gyroscopic forces.
+        The model to run. It must be piecewise linear, with linear damping and, unless it has tooth
+        pairs, a stiffness that is constant between switches, and without gyroscopic forces.
     start, stop : float
-        First and last speed in rpm, >= 0, of the gear whose teeth define the mesh frequency (of a
-        train, the reference pinion). Give `duration` or `acceleration` as well.
+        First and last speed in rpm, >= 0, of the gear whose teeth define the mesh frequency (for a
+        train, the reference pinion). Either `duration` or `acceleration` is also required.
     duration : float
         Duration of the change of speed in seconds, finite, > 0.
     acceleration : float
         Magnitude of the constant acceleration in rpm/s, finite, > 0.
     speed : sequence of (float, float), optional
         Speed course, instead of the four arguments above: pairs of time in seconds, increasing
-        from 0, and speed in rpm. The speed is linear between them.
+        from 0, and speed in rpm. The speed is interpolated linearly.
     load : sequence of (float, float), optional
         Load course: pairs of time in seconds, non-decreasing, and ratio of the load to the load of
-        the model (a factor on all torques of a train), finite. The load is linear between them and
-        constant before the first and after the last; two pairs at the same time are a step.
+        the model (a factor on all torques of a train), finite. The load is interpolated linearly,
+        and constant before the first and after the last pair; two pairs at the same time define a
+        step.
     driver : str, optional
         Name of the body of a train on which the accelerating torque acts. By default the body that
         supplies most of the power.
@@ -102,11 +104,12 @@ def run_up(
         base radius in m of the gear to which the speed refers. By default there is no inertia.
     initial_state : tuple of float or "static", optional
         State at time 0 and the first speed, as in `simulate`. By default the static state,
-        ``model.static_state``, under the first load of the course: a run-up from (0, 0), where
-        flanks just touch, begins with a transient whose force may exceed that of resonances.
+        ``model.static_state``, under the first load of the course, because a run-up from (0, 0),
+        where the flanks just touch, begins with a transient whose force may exceed that at
+        resonances.
     samples_per_period : int, default 0
-        Number of samples of the time history in each mesh period, at equal steps of time. With 0
-        there is no time history.
+        Number of samples of the time history per mesh period, at equal time steps. With 0, no time
+        history is recorded.
     max_events : int
         Largest number of arcs (intervals of contact or free flight) in a mesh period. A run that
         needs more is stopped.
@@ -123,7 +126,7 @@ def run_up(
         in `sweep`. Along ``event``: event_time, event_speed, event_from, event_to, event_velocity.
         With samples, along ``time``: speed, load_ratio, phase, displacement, velocity,
         acceleration, dynamic_force, contact, and body_motion for trains. If status is not 0, the
-        numbers are NaN and ``status.attrs["message"]`` says what to do.
+        results are NaN and ``status.attrs["message"]`` states the reason and what to do.
 
     Raises
     ------
@@ -136,7 +139,7 @@ def run_up(
     """
     _check_model(model)
     speeds = speed_course(start, stop, duration, acceleration, speed)
-    # The name of the argument that sets the highest speed is for the error message.
+    # The error message needs the name of the argument that determines the highest speed.
     if speed is not None:
         argument_name = "speed"
     else:
@@ -161,7 +164,7 @@ def run_up(
     teeth = model.periods_per_revolution
     arguments = start_state, samples_per_period, max_events, inertia_accelerations, teeth
     course_run = speed_courses.run_courses(runner, pieces, *arguments)
-    records = list(limit.iterate(with_progress_bar("parts of the run-up", course_run)))
+    records = list(limit.iterate(with_progress_bar("intervals of the run-up", course_run)))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
     if code == status.OK and displacement > model.displacement_limit(1.0, state):
@@ -170,7 +173,7 @@ def run_up(
     if samples_per_period:
         data |= _time_variables(model, records, omega, samples_per_period)
     if code != status.OK:
-        # The numbers of a failed run are NaN, or 0 for integers.
+        # The results of a failed run are NaN, or 0 for integers.
         for name, (dims, values) in data.items():
             is_float = values.dtype.kind == "f"
             data[name] = dims, np.full(values.shape, np.nan) if is_float else 0 * values
@@ -211,13 +214,13 @@ def _check_model(model):
         )
     if model.gyroscopic:
         raise ValueError(
-            f"gyroscopic = True is not allowed in a run-up of {model.title_noun}, where its forces "
-            "would change with the speed: it must be False"
+            f"gyroscopic = True is not allowed in a run-up of {model.title_noun}, because the "
+            "gyroscopic forces change with the speed: it must be False"
         )
     if getattr(model, "forces", ()):
         raise ValueError(
-            f"forces is not allowed in a run-up of {model.title_noun}: harmonic forces act at "
-            "constant speeds, in gearlib.simulate and gearlib.sweep"
+            f"forces are not allowed in a run-up of {model.title_noun}: harmonic forces are only "
+            "defined at constant speed, in gearlib.simulate and gearlib.sweep"
         )
 
 
@@ -231,8 +234,9 @@ def speed_course(
 ):
     """Return a speed course as rows (time in s, speed in rpm), shape (n, 2).
 
-    Give either these rows as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
-    or an `acceleration` (rpm/s). Invalid arguments raise ValueError.
+    The course is given either by these rows as `speed`, or by the speeds `start` and `stop` in rpm
+    with a `duration` in s or an `acceleration` in rpm/s. Raise ValueError if an argument is
+    invalid.
     """
     if speed is not None:
         if any(value is not None for value in (start, stop, duration, acceleration)):
@@ -247,22 +251,22 @@ def speed_course(
         checks.require_exactly_one("duration", duration, "acceleration", acceleration)
         if acceleration is not None:
             duration = abs(stop - start) / acceleration
-            allowed = "> 0 s, the difference of start and stop over the acceleration"
+            allowed = "a duration |stop - start| / acceleration > 0 s"
             checks.require(0.0 < duration < math.inf, "duration", duration, allowed)
         course = np.array([[0.0, start], [duration, stop]])
     is_valid = len(course) > 1 and course[0, 0] == 0.0
-    checks.require(is_valid, "speed", speed, "of two rows or more, the first at 0 s")
+    checks.require(is_valid, "speed", speed, "a course of at least two rows, the first at 0 s")
     if not course[:, 1].any():
         raise ValueError("speed = 0 rpm at all times is not allowed: it must be > 0 at some time")
     return course
 
 
 def _check_course(name: str, rows: Any, steps: bool = False) -> np.ndarray:
-    """Check a course, rows (time in s, speed or load), and return it as an array, shape (n, 2).
+    """Check a course with rows (time in s, value) and return it as an array, shape (n, 2).
 
     Raise ValueError if a time is negative or not later than the time in the previous row. With
-    `steps` two rows may have the same time, which is a step of the value. `name` is the name of the
-    argument in the error message.
+    `steps`, two rows with the same time define a step. `name` is the name of the argument in the
+    error message.
     """
     previous_time = 0.0
     for i, (time, _) in enumerate(rows):
@@ -275,22 +279,21 @@ def _check_course(name: str, rows: Any, steps: bool = False) -> np.ndarray:
 
 
 def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarray:
-    """Return the accelerations of the coordinates of a model by inertia forces in a run-up.
+    """Return the accelerations of the coordinates of a model due to inertia forces in a run-up.
 
-    These forces appear because displacements are measured relative to the accelerating rigid-body
-    rotation. The accelerations, shape (n,), or (1,) for a model with one mesh, are dimensionless,
-    per unit of d2tau/dtheta2, the dimensionless acceleration of the mesh phase tau by the
-    dimensionless time theta. For a train, `driver` is the name of the body on which the
-    accelerating torque acts, or None. For a model with one mesh, `driven_mass` is J / r_b^2 of the
-    driven gear in kg, and `base_radius` the base radius of the other gear in m, or None without
-    driven mass.
+    Inertia forces act because displacements are measured relative to the accelerating rigid-body
+    rotation. The dimensionless accelerations, shape (n,), or (1,) for a model with one mesh, are
+    per unit of d2tau/dtheta2, with the mesh phase tau and the dimensionless time theta. For a
+    train, `driver` is the name of the body on which the accelerating torque acts, or None. For a
+    model with one mesh, `driven_mass` is J / r_b^2 of the driven gear in kg, and `base_radius` is
+    the base radius of the other gear in m, or None if the driven mass is 0.
     """
-    allowed = "a finite number > 0 where driven_mass is not 0"
+    allowed = "a finite number > 0 if driven_mass is not 0"
     checks.require(base_radius or not driven_mass, "base_radius", base_radius, allowed)
     if model.train is not None:
         if driven_mass or base_radius is not None:
             raise ValueError(
-                "driven_mass and base_radius are not allowed: the inertias of the model are known"
+                "driven_mass and base_radius are not allowed: the model has its own inertias"
             )
         return inertia.train_accelerations(model.train, driver)
     if driver is not None:
@@ -303,32 +306,31 @@ def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarra
 def _revolution_variables(model, records: list, omega: float) -> dict:
     """Return the variables along ``revolution`` of a run-up as {name: (dims, values)}.
 
-    `records` are the `IntervalRecord`s of the parts of the run-up in order of time. Their mesh
-    periods are numbered by revolutions (`block`), their phase is the mesh phase in rad, and their
-    dimensionless time is theta = omega t with `omega` in rad/s. The variables are the time, the
-    mean speed and, from the summaries of the records, extrema and fractions of time.
+    `records` are the `IntervalRecord`s of the run-up in chronological order. They contain the
+    revolution of each mesh period (`block`), the mesh phase in rad, and the dimensionless time
+    theta = omega t with `omega` in rad/s. The variables are time, mean speed and, from the
+    summaries of the records, extrema and fractions of time.
     """
-    # Each mesh period has the number of its revolution.
-    revolutions = np.concatenate([record.block for record in records])
+    # This is the number of the revolution to which each mesh period belongs.
+    revolutions = np.concatenate([record.summary_block for record in records])
     first_periods = np.flatnonzero(np.diff(revolutions, prepend=-1))
     start_theta = np.concatenate([record.theta[:-1] for record in records])[first_periods]
-    # Durations and phases of mesh periods are added up to those of revolutions.
+    # Durations and phase differences of mesh periods are summed over each revolution.
     theta_steps = np.concatenate([np.diff(record.theta) for record in records])
     phase_steps = np.concatenate([np.diff(record.phase) for record in records])
     duration = np.add.reduceat(theta_steps, first_periods)
     phase_change = np.add.reduceat(phase_steps, first_periods)
     # A revolution that extends over several records has a summary in each of them.
     table = np.concatenate([record.summary for record in records])
-    summary_revolutions = np.concatenate([np.unique(record.block) for record in records])
+    summary_revolutions = np.concatenate([np.unique(record.summary_block) for record in records])
     first_rows = np.flatnonzero(np.diff(summary_revolutions, prepend=-1))
     summaries = summary.combine_records(table, first_rows)
-    # The total time is the sum of the times with drive-side contact (DRIVE), without contact and
-    # with coast-side contact (COAST), so that fractions add up to 1.
+    # The total time is the sum of the times in each contact state, so that the fractions sum to 1.
     times = summaries[..., [orbit.TIME_DRIVE, orbit.TIME_NO_CONTACT, orbit.TIME_COAST]]
     total_time = times.sum(axis=-1)
-    # Revolutions after the end of a failed run have no duration.
+    # Revolutions after the failure of a run have zero duration.
     total_time[total_time == 0.0] = np.nan
-    # The lower bound prevents a division by 0 after a failure.
+    # The lower bound prevents division by zero after a failure.
     periods = np.maximum(phase_change, 1e-300)[:, None] / math.tau
     columns = summary.normalize_columns(summaries, total_time, periods)
     # The time at the lower stiffness is of interest at constant speed only.
@@ -357,7 +359,7 @@ def _event_variables(model, records: list, omega: float) -> dict:
     """
     events = np.concatenate([record.events for record in records])
     times, mesh_indices, codes_before, codes_after, velocities, *_ = events.T
-    # The tuning, mesh frequency / natural frequency, gives the speed at each event.
+    # The speed at each event follows from the tuning (mesh frequency / natural frequency).
     tunings = []
     for record in records:
         tuning, _phase, _load = record.piece.at_times(record.events[:, 0])
@@ -377,16 +379,16 @@ def _event_variables(model, records: list, omega: float) -> dict:
 def _time_variables(model, records: list, omega: float, samples_per_period: int) -> dict:
     """Return the time history of a run-up as {variable name: (dims, values)}.
 
-    `records` are the `IntervalRecord`s of the parts of the run-up, with `samples_per_period`
-    samples in each mesh period at equal steps of time. Their dimensionless time is theta = omega t,
-    with `omega` in rad/s. The variables are in SI units.
+    `records` are the `IntervalRecord`s of the run-up in chronological order, with
+    `samples_per_period` samples per mesh period at equal time steps. Their dimensionless time is
+    theta = omega t with `omega` in rad/s. The variables are in SI units.
     """
     fractions = np.arange(samples_per_period) / samples_per_period
     thetas, excitations = [], []
     for record in records:
         steps = fractions * np.diff(record.theta)[:, None]
         thetas.append((record.theta[:-1, None] + steps).ravel())
-        # (tuning, mesh phase, load over the load of the model) at each sample.
+        # Each entry is (tuning, mesh phase, load / load of the model) at the samples.
         excitations.append(record.piece.at_times(thetas[-1]))
     theta = np.concatenate(thetas)
     tuning, phase, load_ratio = np.hstack(excitations)
@@ -409,7 +411,8 @@ def _time_variables(model, records: list, omega: float, samples_per_period: int)
         **{name: (dims, values.reshape(shape)) for name, values in mesh_columns.items()},
     }
     if model.mesh_names:
-        # The states are the coordinates q and their rates; each body has motions along its axes.
+        # The first half of a state are the coordinates q, which determine the motions of the
+        # bodies.
         q = np.concatenate([record.states[:, : model.size // 2] for record in records])
         body_motions = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length_scale
         data["body_motion"] = (("time", "body", "axis"), body_motions)

@@ -37,11 +37,11 @@ def simulate(
 ):
     """Run a model at one tuning and record the last mesh periods of the run.
 
-    For a `GearPair` the equation is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in
-    static deflections and mesh phase, with beta_m instead of beta during contact loss; tau = 0 is
-    the middle of the segment of maximum stiffness. The equations of other models are in their
-    modules. Piecewise linear models are solved in closed form between switches, without a step
-    size, other models by Taylor steps to rounding error.
+    For a `GearPair` the equation is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2, with
+    x in units of the static deflection and the mesh phase tau, and beta_m instead of beta during
+    contact loss; tau = 0 is the midpoint of the segment with maximum stiffness. The equations of
+    other models are documented in their modules. Piecewise linear models are solved in closed form
+    between switches, without a step size, and other models by Taylor steps to rounding error.
 
     Parameters
     ----------
@@ -50,22 +50,22 @@ def simulate(
     tuning : float
         nu = mesh frequency / mean eigenfrequency, finite, > 0. Give either `tuning` or `speed`.
     speed : float
-        Speed in rpm, finite, > 0, of the gear whose teeth define the mesh frequency (of a train,
+        Speed in rpm, finite, > 0, of the gear whose teeth define the mesh frequency (for a train,
         the reference pinion).
     periods : int
         Number of mesh periods of the run, from tau = 0.
     record_periods : int, default 1
         Number of mesh periods that are recorded at the end of the run.
     samples_per_period : int, default 256
-        Number of samples in a recorded mesh period, at equal steps of phase. The first sample lies
-        at the start of the period, the last one a step before its end.
+        Number of samples per recorded mesh period, at equal phase steps. The first sample lies at
+        the start of the period, the last one a step before its end.
     initial_state : tuple of float, default (0, 0)
-        Displacement in static deflections and velocity dx/dtau at tau = 0. By default the flanks
-        just touch. A `SixDegreePair` also takes all components, as in `Orbit.state`.
+        Displacement in units of the static deflection and velocity dx/dtau at tau = 0. By default
+        the flanks just touch. A `SixDegreePair` also accepts all components, as in `Orbit.state`.
     method : str, optional
         A name of `gearlib.methods`. By default "exact" if that method can run the model, otherwise
-        "taylor". The other methods are for comparison: they take extrema at step ends and samples
-        only, and locate events between step ends.
+        "taylor". The other methods are for comparison: they evaluate extrema only at step ends and
+        samples, and locate events between step ends.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int
@@ -73,7 +73,7 @@ def simulate(
         needs more is stopped.
     until_settled : bool, default False
         Whether the run continues after the recorded periods until the period of the motion is
-        proven, for at most twenty times `periods` or 5000 periods more. The record does not change.
+        proven, for up to twenty times `periods` or 5000 more periods. The record does not change.
 
     Returns
     -------
@@ -84,9 +84,9 @@ def simulate(
         the recorded periods: event_phase, event_from, event_to, event_velocity. Scalars:
         final_state (component), the summary described in `gearlib.sweep`, evaluations (of the
         right-hand side in the whole run), the scales to SI, and status. ``period`` is 0 if the
-        motion has not settled; ``followed`` is the number of mesh periods of the run, including
-        the additional ones of `until_settled`. If status is not 0, the run failed: all results are
-        NaN and ``status.attrs["message"]`` says what to do.
+        motion has not settled; ``followed`` is the number of mesh periods of the run, including the
+        additional periods of `until_settled`. If status is not 0, the run failed: all results are
+        NaN, and ``status.attrs["message"]`` states the reason and what to do.
 
     Raises
     ------
@@ -101,9 +101,8 @@ def simulate(
     arguments = check_run_arguments(
         model, periods, record_periods, initial_state, method, options, max_events
     )
-    options = {"verify_period": True, "until_settled": until_settled}
     record, followed_periods = _run_and_verify(
-        model, tuning, arguments, samples_per_period, **options
+        model, tuning, arguments, samples_per_period, True, until_settled
     )
     first_sample = (periods - record_periods) * samples_per_period
     sample_numbers = first_sample + np.arange(len(record.samples))
@@ -125,16 +124,16 @@ def simulate(
     return dataset
 
 
-def run(model, tuning: float, samples_per_period: int, **options):
-    """Run a model at one tuning without verifying its period; return the `Record`.
+def run(model, tuning: float, samples_per_period: int, **run_options):
+    """Run a model at one tuning without verifying the period; return the `Record`.
 
-    The tuning is the ratio of mesh frequency to natural frequency. `options` are arguments of
+    The tuning is the ratio of mesh frequency to natural frequency. `run_options` are arguments of
     `simulate` such as periods, record_periods, initial_state and method. The record has samples,
     events, a summary and the final state; if its status is not 0, the run has failed, its numbers
     are NaN and it has no events.
     """
     record, _ = _run_and_verify(
-        model, tuning, check_run_arguments(model, **options), samples_per_period
+        model, tuning, check_run_arguments(model, **run_options), samples_per_period
     )
     return record
 
@@ -142,7 +141,7 @@ def run(model, tuning: float, samples_per_period: int, **options):
 def _run_and_verify(
     model, tuning, arguments, samples_per_period, verify_period=False, until_settled=False
 ):
-    """Run a model at one tuning; return (`Record`, number of all simulated mesh periods).
+    """Run a model at one tuning; return (`Record`, total number of simulated mesh periods).
 
     The tuning is the ratio of mesh frequency to natural frequency. `arguments` are the
     `RunArguments`: initial state, mesh periods of the run and of its record, integration method.
@@ -227,7 +226,7 @@ def _event_variables(events: np.ndarray) -> dict:
         "event_velocity": events[:, orbit.EVENT_VELOCITY].copy(),
     }
     if events.shape[1] > orbit.EVENT_COLUMNS:
-        # With several meshes, the index of the mesh follows the other columns.
+        # With several meshes, the last column is the index of the mesh.
         mesh_column = orbit.EVENT_COLUMNS
         columns["event_mesh"] = events[:, mesh_column].astype(np.int16)
     return {name: (("event",), values) for name, values in columns.items()}

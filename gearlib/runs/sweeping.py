@@ -28,15 +28,16 @@ from gearlib.runs.run_arguments import (
     tuning_at_speed,
 )
 
-#: Directions of warm-started sweeps: each run starts from the final state of the previous one.
+#: Directions of warm-started sweeps, in which each run starts from the final state of the previous
+#: run.
 WARM_STARTED = DIRECTIONS[1:]
 
-#: Smallest and largest number of tunings in a chunk for a thread: larger chunks have less overhead,
-#: smaller chunks balance the load of the threads.
+#: Smallest and largest number of tunings in the chunk of a thread: larger chunks have less
+#: overhead, smaller chunks balance the load of the threads.
 _MIN_CHUNK, _MAX_CHUNK = 16, 128
 #: A downward sweep is extended down to this fraction of its lowest tuning.
 EXTENSION_RATIO = 0.2
-#: Motions are equal if their extrema differ by less than this, relative to the displacement range.
+#: Motions agree if their extrema differ by less than this, relative to the displacement range.
 _SAME_MOTION_TOLERANCE = 1e-3
 
 
@@ -67,20 +68,21 @@ def sweep(
         `tunings` or `speeds`.
     speeds : array_like of float, shape (n,)
         Speeds in rpm, finite, > 0, all different, of the gear whose teeth define the mesh frequency
-        (of a train, the reference pinion).
+        (for a train, the reference pinion).
     periods, record_periods : int
-        Number of mesh periods of each run, and of the mesh periods at its end that are summarised.
+        Number of mesh periods of each run, and of mesh periods at its end that are summarised.
     initial_state : tuple of float, default (0, 0)
-        Displacement in static deflections and velocity dx/dtau at tau = 0.
+        Displacement in units of the static deflection and velocity dx/dtau at tau = 0.
     direction : {"cold", "up", "down"}
-        "cold" starts every run from `initial_state`. "up" and "down" show hysteresis: they run from
-        the lowest tuning up or from the highest down, and each run starts from the final state of
-        the previous run, or from `initial_state` if the previous run has failed. Tunings must
-        increase for "up", and increase or decrease for "down". With run-out the gears keep their
-        angles from run to run, as in a slow run-up; six degrees of freedom need the method "exact".
+        "cold" starts every run from `initial_state`. "up" and "down" show hysteresis: the tuning
+        increases from the lowest or decreases from the highest value, and each run starts from the
+        final state of the previous run, or from `initial_state` if the previous run failed. Tunings
+        must increase for "up", and increase or decrease for "down". With run-out, the gears keep
+        their angles from run to run, as in a slow run-up. Six degrees of freedom require the method
+        "exact".
     method : str, optional
         A name of `gearlib.methods`. By default "exact" if that method can run the model, otherwise
-        "taylor". The other methods are for comparison; they take extrema at step ends only.
+        "taylor". The other methods are for comparison; they evaluate extrema only at step ends.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int
@@ -101,11 +103,11 @@ def sweep(
         fraction_drive, contact_loss_fraction, fraction_coast, fraction_min_stiffness (contact at
         the minimum stiffness), fractions of time; bounces, losses of drive-side contact per mesh
         period; period, the number of mesh periods, up to 16, after which the steady state repeats,
-        proven by its Floquet multipliers and its distance from grazing; 0 without a proof, see
-        `until_settled` of `simulate`. With run-out, period may also be 1 to 16 times the period of
-        the run-out. For the methods for comparison, a motion repeats if its states agree to 1e-6 of
-        the displacement range. final_state (tuning, component); status, with NaN in all other
-        variables where it is not 0; the scales to SI.
+        proven by its Floquet multipliers and its distance from grazing, or 0 if it is not proven
+        (see `until_settled` of `simulate`). With run-out, period may also be 1 to 16 times the
+        period of the run-out. With a comparison method, a motion repeats if its states agree to
+        1e-6 of the displacement range. final_state (tuning, component); status (where it is not 0,
+        all other variables are NaN); the scales to SI.
 
     Raises
     ------
@@ -125,9 +127,9 @@ def sweep(
         model, periods, record_periods, initial_state, method, options, max_events
     )
     _check_tuning_order(direction, tunings, argument_name)
-    allowed = f"'cold' for six degrees of freedom by method {arguments.method!r}; the method "
-    allowed += "'exact' carries all coordinates along"
-    # The final state of other methods lacks some of the six coordinates.
+    allowed = f"'cold' for six degrees of freedom with the method {arguments.method!r}, unlike "
+    allowed += "with 'exact', which records the full final state"
+    # Other methods do not return all six coordinates of the final state.
     is_full_state = arguments.method == "exact" or model.size == 2
     checks.require(direction == "cold" or is_full_state, "direction", direction, allowed)
     limit = TimeLimit(max_seconds)
@@ -148,7 +150,7 @@ def sweep(
 def _run_sweep(
     model, tunings, arguments: RunArguments, direction, threads: int, limit
 ) -> SweepTables:
-    """Run a model at all tunings of a sweep; return its `SweepTables`, one row per tuning.
+    """Run a model at all tunings of a sweep; return `SweepTables` with one row per tuning.
 
     `tunings`, shape (n,), are ratios of mesh frequency to natural frequency in any order.
     `arguments` are the initial state, the mesh periods and the integration method of each run. With
@@ -159,7 +161,7 @@ def _run_sweep(
     _, _, summary_table = model.empty_record()
     rows = SweepTables(
         # A motion with a larger displacement counts as unbounded.
-        bound=model.displacement_limit(float(tunings.max()), arguments.state),
+        max_displacement=model.displacement_limit(float(tunings.max()), arguments.state),
         summaries=np.full((tunings.size, *summary_table.shape), np.nan),
         final_states=np.full((tunings.size, len(model.components)), np.nan),
         outcomes=np.full((tunings.size, 2), -1),  # period and status; -1: not yet computed
@@ -168,7 +170,7 @@ def _run_sweep(
     run_arguments = arguments.state, is_warm_started, arguments.span, rows
 
     def run_tunings(indices):
-        """Run the model at the tunings with these indices, in this order, and fill their rows."""
+        """Run the model at the tunings with the given indices, in this order; fill their rows."""
         arguments.module.sweep(model, tunings, indices, *run_arguments, **arguments.options)
 
     order = np.argsort(tunings)
@@ -176,7 +178,7 @@ def _run_sweep(
         order = order[::-1].copy()
     chunk_size = min(max(order.size // (4 * threads), _MIN_CHUNK), _MAX_CHUNK)
     chunks = [order[i : i + chunk_size] for i in range(0, order.size, chunk_size)]
-    # The kernel of a `GearPair` takes an array of tunings at once, others one after the other.
+    # The kernel of a `GearPair` processes an array of tunings; other models run one by one.
     takes_arrays = arguments.method == "exact" and model.pair is model and not limit.is_set
     if is_warm_started or threads == 1 or len(chunks) < 2:
         run_tunings(
@@ -193,11 +195,11 @@ def _run_sweep(
 
 
 def _check_tuning_order(direction: str, tunings: np.ndarray, name: str):
-    """Raise ValueError unless the order of the tunings, shape (n,), suits the sweep direction.
+    """Raise ValueError unless the order of the tunings, shape (n,), is allowed for the direction.
 
-    They must increase for the direction "up" and either increase or decrease for "down". They may
-    have any order for "cold", where runs are independent. `name` is the name of the argument in the
-    error message.
+    Tunings must increase for the direction "up" and either increase or decrease for "down". Any
+    order is allowed for "cold", where runs are independent. `name` is the name of the argument in
+    the error message.
     """
     if direction == "cold":
         return
@@ -208,7 +210,9 @@ def _check_tuning_order(direction: str, tunings: np.ndarray, name: str):
         order = "increasing or decreasing"
         is_allowed = (steps > 0.0).all() or (steps < 0.0).all()
     if not is_allowed:
-        raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {order} values")
+        raise ValueError(
+            f"{name} are out of order: direction {direction!r} requires {order} values"
+        )
 
 
 def sweep_down(model, tunings: np.ndarray, min_tuning: float, **sweep_options):
@@ -222,7 +226,7 @@ def sweep_down(model, tunings: np.ndarray, min_tuning: float, **sweep_options):
     tuning.
     """
     first_tuning, step = float(tunings[0]), float(tunings[1] - tunings[0])
-    # The small number allows for rounding errors, so that `min_tuning` itself is included.
+    # The added 1e-9 allows for rounding errors, so that `min_tuning` itself is included.
     added_count = max(0, math.floor((first_tuning - min_tuning) / step + 1e-9))
     added_tunings = np.round(first_tuning - step * np.arange(added_count, 0, -1), 12)
     curve = sweep(
@@ -242,8 +246,8 @@ def sweep_down(model, tunings: np.ndarray, min_tuning: float, **sweep_options):
 def motions_agree(up, down) -> np.ndarray:
     """Return a mask, shape (n,), of the tunings at which two sweeps have the same motion.
 
-    `up` and `down` are datasets of `sweep` over the same tunings. Motions count as the same if
-    their displacement extrema agree to 0.1 % of the displacement range.
+    `up` and `down` are datasets of `sweep` over the same tunings. Motions are the same if their
+    displacement extrema agree to 0.1 % of the displacement range.
     """
     displacement_range = up.displacement_max - up.displacement_min
     max_differences = np.abs(down.displacement_max - up.displacement_max)
@@ -256,9 +260,9 @@ def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray
     """Return the tunings or speeds of a sweep as a float array, shape (n,), or raise ValueError.
 
     They must be valid and all different. `name` is the name of the argument in error messages,
-    `check(name, value)` is a function that raises ValueError for a single invalid value, and
-    `tuning_at` converts an array of values to tunings (ratios of mesh frequency to natural
-    frequency), by default without a change.
+    `check(name, value)` is a function that raises ValueError if a value is invalid, and `tuning_at`
+    converts an array of values to tunings (ratios of mesh frequency to natural frequency). By
+    default the values are tunings.
     """
     try:
         values = np.atleast_1d(np.asarray(tunings))
@@ -268,12 +272,12 @@ def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray
     checks.require(values.ndim == 1 and values.size != 0, name, tunings, allowed)
     # The values must be integers or floats in the allowed range.
     if values.dtype.kind not in "iuf" or not is_valid_tuning(tuning_at(values.astype(float))).all():
-        # The check of each value raises an error that names the first wrong value.
+        # The check raises an error that states the first invalid value.
         for i, value in enumerate(values.tolist()):
             check(f"{name}[{i}]", value)
     values = values.astype(float)
     unique, counts = np.unique(values, return_counts=True)
     if unique.size < values.size:
         repeated = float(unique[counts > 1][0])
-        raise ValueError(f"{name} contains {repeated!r} twice: all {name} must be different")
+        raise ValueError(f"{name} contain {repeated!r} more than once: all must be different")
     return values
