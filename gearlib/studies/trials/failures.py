@@ -71,7 +71,7 @@ class Outcome(NamedTuple):
     fractions: tuple = (math.nan, math.nan, math.nan)
     bounces: float = math.nan  #: per mesh period
     period: int = 0  #: mesh periods after which the motion repeats; 0: not periodic
-    contacts: tuple = ()  #: contact states (before, after) of every event; for trains sorted by mesh
+    contacts: tuple = ()  #: contact states (before, after) of events; sorted by mesh for trains
     evaluations: int = 0
 
     @property

@@ -1,12 +1,13 @@
-"""Compute the numerical stability of fixed-step methods on the mesh without contact loss.
+"""Compute the numerical stability of fixed-step methods for a mesh without contact loss.
 
-Without backlash and with equal damping the mesh is the linear equation of Hill and Meissner,
+Without contact loss, the equation of motion is the linear equation of Hill and Meissner,
 
     x'' + (2 beta / nu) x' + (c(tau) / nu^2) x = 1 / nu^2,
 
-and a method maps the state (x, x') over one mesh period by an affine map. Its linear part, found
-from three runs, has a spectral radius. If this is above one but the exact radius is not, the method
-is falsely unstable; if it is below the exact radius, the method adds numerical damping.
+and the period map of a method, from the state (x, x') to the state one mesh period later, is
+affine. Its linear part is determined from three runs. If the spectral radius of the linear part
+exceeds 1 but the exact radius does not, the method is numerically unstable; if it is smaller than
+the exact radius, the method adds numerical damping.
 """
 
 from collections.abc import Sequence
@@ -20,27 +21,28 @@ from gearlib.data.result import evaluate_on_grid, make_result
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
 
-#: Largest returned radius, which also stands for the radius of a run that stopped early.
+#: Upper limit of returned radii, and value for runs that stopped early.
 MAX_RADIUS = 1e6
 
 
 def spectral_radii(pair: Any, tunings: Sequence[float], method: str, options: dict) -> np.ndarray:
     """Return the spectral radius of the period map of a method at each tuning.
 
-    The period map takes a state to the state one mesh period later; a radius above 1 means
-    instability. `pair` is a model without contact loss, so that the map is affine. `tunings` are
-    mesh frequencies over the natural frequency; `method` is a name of `gearlib.methods`, `options`
-    its options. Radii are at most `MAX_RADIUS`, the value for runs that stopped early.
+    The period map takes a state to the state one mesh period later. A radius above 1 means
+    instability. `pair` is a model without contact loss, whose period map is affine. `tunings` are
+    mesh frequencies over the natural frequency, `method` is a name of `gearlib.methods`, and
+    `options` are its options. Radii are limited to `MAX_RADIUS`, the value for runs that stopped
+    early.
     """
     run = {"periods": 1, "record_periods": 1, "method": method, "options": options, "threads": 1}
-    ends = []  # final states, each (tunings, 2)
+    final_states = []  # arrays of shape (tunings, 2)
     for initial_state in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
         curve = sweep(pair, tunings, initial_state=initial_state, **run)
-        ends.append(curve.final_state.values)
-    # An affine map is determined by the images of zero and of the unit states.
-    from_zero, *from_unit_states = ends
-    period_maps = np.stack([end - from_zero for end in from_unit_states], axis=-1)
-    # The map of a run that stopped early is NaN.
+        final_states.append(curve.final_state.values)
+    # An affine map is determined by the images of zero and of the unit vectors.
+    from_zero, *from_unit_states = final_states
+    period_maps = np.stack([state - from_zero for state in from_unit_states], axis=-1)
+    # Final states are NaN if a run stopped early.
     finite = np.isfinite(period_maps).all(axis=(1, 2))
     radii = np.full(len(period_maps), MAX_RADIUS)
     radii[finite] = np.abs(np.linalg.eigvals(period_maps[finite])).max(axis=-1)
@@ -50,21 +52,18 @@ def spectral_radii(pair: Any, tunings: Sequence[float], method: str, options: di
 def compute_spectral_radii(
     pair: GearPair, tunings: Sequence[float], fine_tunings, steps: Sequence[int], methods: dict
 ) -> xr.Dataset:
-    """Compute the spectral radii of fixed-step methods, and of the exact period map.
+    """Compute the spectral radii of the period maps of fixed-step methods, and the exact ones.
 
-    The period map takes a state to the state one mesh period later. The methods are run at
-    `tunings` (mesh frequency over natural frequency), the exact map at `fine_tunings`, both with
-    `pair` without contact loss, a linear equation. `steps` are numbers of steps per mesh period;
-    `methods` maps labels to dicts with "method", a name of `gearlib.methods`, and "options", its
-    options without the number of steps.
+    A period map takes a state to the state one mesh period later. Contact loss of `pair` is
+    excluded, so that the equation is linear. The methods are run at `tunings` (mesh frequency over
+    natural frequency), the exact solution is computed at `fine_tunings`. `steps` are numbers of
+    steps per mesh period. `methods` maps labels to dicts with "method", a name of
+    `gearlib.methods`, and "options", its options except for the number of steps.
     """
     linear = without_backlash(pair)
 
     def radii(name: str, step_count: int) -> dict:
-        """Return the spectral radii of the method labelled `name` with `step_count` steps.
-
-        The steps are those in a mesh period.
-        """
+        """Return the spectral radii of the method `name` with `step_count` steps per period."""
         options = methods[name]["options"] | {"steps_per_period": int(step_count)}
         return {"radius": spectral_radii(linear, tunings, methods[name]["method"], options)}
 

@@ -1,10 +1,9 @@
-"""Compute the errors of each method against its cost in evaluations and wall time.
+"""Compute the error of each method and its cost in evaluations and wall time.
 
-A method is run with several values of its accuracy parameter, such as a tolerance or the number of
-steps. In the datasets the dimension `rung` is the index of the setting, `line` the label of the
-method, and `knob` the parameter with its value. Errors and evaluations are reproducible; wall times
-are not, so they are kept in separate datasets. The errors of a method on a problem, relative to
-`gearlib.studies.trials.references`, are:
+Each method is run with several values of its accuracy parameter, e.g. a tolerance or the number of
+steps. In the datasets, the dimension `rung` is the index of the setting, `line` the label of the
+method, and `knob` the parameter with its value. Wall times are not reproducible, so they are stored
+in separate datasets. Errors relative to `gearlib.studies.trials.references` are:
 
 ``state_error``
     the larger error of displacement and dx/dtau in the final state;
@@ -36,38 +35,38 @@ from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.studies.trials import problems, references
 
-#: Half width of the central differences, static deflections: rounding and truncation errors of a
-#: multiplier are about equal, 1e-10.
+#: Half width of central differences, in static deflections. Rounding and truncation errors of a
+#: multiplier are then about equal (1e-10).
 DIFFERENCE = 1e-6
 
-# Numbers of steps per mesh period with which no step ends exactly where the stiffness of the
-# paper's pair switches. Half its segment of C_max at the contact ratio 1.569, 0.2845 periods, is a
-# whole number of steps only if the number is a multiple of 2000.
+# With these numbers of steps per mesh period, no step ends where the stiffness of the paper's pair
+# jumps: half the segment of maximum stiffness, 0.2845 periods at the contact ratio 1.569, is a
+# whole number of steps only if the number of steps is a multiple of 2000.
 _STEPS = tuple(25 * 2**k for k in range(10))
 _RTOL = tuple(10.0**-k for k in range(2, 13))
 _SCIPY = (1e-3, 1e-6, 1e-9, 1e-12, 2.3e-14)
 
 
 class MethodVariant(NamedTuple):
-    """A line of the figures: a method with options, and values of its accuracy parameter."""
+    """A method with options and several values of its accuracy parameter (a line in figures)."""
 
     method: str
     label: str
     #: "located" (events are located), "controlled" (only the step size is controlled), "fixed",
     #: "smoothed" or "other".
     family: str
-    parameter: str  #: option that sets the accuracy; empty: there is none
+    parameter: str  #: name of the option that sets the accuracy, or ""
     values: tuple = (None,)  #: from coarse to fine
-    options: dict = {}  #: all other options
+    options: dict = {}  #: other options
 
 
 #: Compiled methods of this library; the others are solvers of other packages.
 LIBRARY_METHODS = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
 
-#: All variants, each down to its smallest error or to the smallest value that its package accepts:
-#: LSODA stalls below 1e-12, and scipy's Runge-Kutta pairs replace tolerances below 100 times the
-#: spacing of floats at 1. The right-hand side of scipy is interpreted, so only a few values are
-#: run, and for Radau none that takes minutes. heyoka's steps do not change below 2.2e-16.
+#: All variants, with parameters down to the smallest error or the smallest allowed value. LSODA
+#: stalls below 1e-12, scipy's Runge-Kutta methods do not accept tolerances below 100 times the
+#: spacing of floats at 1, and heyoka's steps do not change below 2.2e-16. scipy is run with only a
+#: few values, because its right-hand side is interpreted, and Radau with none that takes minutes.
 METHOD_VARIANTS = (
     MethodVariant("exact", "exact", "located", ""),
     MethodVariant(
@@ -94,17 +93,17 @@ METHOD_VARIANTS = (
     ),
 )
 
-#: Shortest timed interval in seconds, longest run in mesh periods, largest number of calls.
+#: Minimum timed interval (s), maximum length of a run (mesh periods), maximum number of calls.
 MIN_SPAN, MAX_PERIODS, MAX_CALLS = 2e-3, 2**18, 2**14
-#: Longer runs, in seconds, are timed once, because interruptions are short in comparison.
+#: Runs that take longer (s) are timed once, because interruptions are short in comparison.
 MAX_REPEATED = 0.05
 
 
 def method_settings(method: str) -> list[tuple[MethodVariant, str, dict]]:
     """Return all settings of a method: each variant with each value of its accuracy parameter.
 
-    A variant is a method with fixed options. A setting is (variant, accuracy parameter and its
-    value as a string, dict of all options).
+    A variant is a method with fixed options. A setting is a tuple (variant, text such as
+    "rtol = 1e-06", dict of all options).
     """
     settings = []
     for variant in METHOD_VARIANTS:
@@ -118,26 +117,26 @@ def method_settings(method: str) -> list[tuple[MethodVariant, str, dict]]:
                 options[parameter] = value
                 text = f"{parameter} = {value:g}"
             if parameter == "rtol":
-                # Both tolerances have the same ratio as the defaults of ode45.
+                # The ratio of the tolerances is the default of MATLAB's ode45.
                 options["atol"] = 1e-3 * value
             settings.append((variant, text, options))
     return settings
 
 
 def state_error(motion: problems.Motion, reference: problems.Motion) -> float:
-    """Return the larger error of final displacement and dx/dtau, NaN if a run stopped early.
+    """Return the maximum error of the final displacement x and of dx/dtau (tau: mesh phase).
 
-    `motion` is the motion by the method under test, `reference` the exact one; tau is the mesh
-    phase.
+    `motion` is the result of the method under test, and `reference` the exact motion. The error is
+    NaN if a run stopped early.
     """
     return float(np.abs(motion.state - reference.state).max())
 
 
 def event_error(motion: problems.Motion, reference: problems.Motion) -> float:
-    """Return the largest error of the phases of contact events, rad.
+    """Return the maximum error of the phases of contact events, in rad.
 
-    `motion` is the motion by the method under test, `reference` the exact one. The error is NaN
-    without events, or if the contact states of the events differ in number or value.
+    `motion` is the result of the method under test, and `reference` the exact motion. The error is
+    NaN if there are no events or if the contact states of the events differ.
     """
     if not np.array_equal(motion.codes, reference.codes) or not len(reference.codes):
         return math.nan
@@ -149,8 +148,8 @@ def compute_errors(
 ) -> xr.Dataset:
     """Compute the errors and evaluations of a method on the test problems, for all its settings.
 
-    A setting is a value of the accuracy parameter of the method, with its index along the dimension
-    "rung". `reference_data` is a result of `gearlib.studies.trials.references.compute_references`;
+    A setting is a value of the accuracy parameter of the method; the dimension "rung" is its index.
+    `reference_data` is a result of `gearlib.studies.trials.references.compute_references`;
     `pair`, `six_degrees` (arguments of `SixDegreePair`) and `settings` (damping and numbers of mesh
     periods) are arguments of `gearlib.studies.trials.problems.build_problem`. Values are NaN if the
     method cannot run the model or stops early.
@@ -160,7 +159,7 @@ def compute_errors(
     motions = {name: references.select_motion(reference_data, name) for name in names}
 
     def setting_errors(name: str, setting: tuple) -> dict:
-        """Return the errors of a setting (variant, string, options) on the problem `name`."""
+        """Return the errors of a setting (variant, text, options) on the problem `name`."""
         _, _, options = setting
         reference = reference_data.sel(problem=name)
         return _compute_setting_errors(method, options, built[name], motions[name], reference)
@@ -175,16 +174,16 @@ def compute_errors(
 
 
 def _compute_setting_errors(method, options, problem, expected, reference) -> dict[str, float]:
-    """Return the errors of a method with these options on a problem, and its evaluations.
+    """Compute the errors of a method with these options on a problem, and its evaluations.
 
-    `expected` is the exact motion, `reference` a dataset with the exact periodic orbit and its
+    `expected` is the exact motion, and `reference` a dataset with the exact periodic orbit and its
     largest Floquet multiplier. Evaluations of the right-hand side are per mesh period. All values
     are NaN if the method does not support the model.
     """
     state = event = multiplier = evaluations = math.nan
     if integrators.METHODS[method].supports(problem.model):
         motion = problems.run_problem(problem, method, options)
-        # Smaller errors are below the accuracy of the reference of a gear train.
+        # The reference of a gear train has a limited accuracy.
         accuracy = references.TRAIN_ACCURACY if problem.model.mesh_names else 0.0
         state = np.maximum(state_error(motion, expected), accuracy)
         event = np.maximum(event_error(motion, expected), accuracy)
@@ -193,7 +192,7 @@ def _compute_setting_errors(method, options, problem, expected, reference) -> di
         if problem.settles:
 
             def period_map(start: np.ndarray) -> np.ndarray:
-                """Return the state, (2,), that the method computes one mesh period later."""
+                """Return the state, (2,), one mesh period later, computed by the method."""
                 return problems.run_problem(problem, method, options, start, periods=1).state
 
             orbit_state = reference.orbit_state.values
@@ -210,11 +209,11 @@ def _compute_setting_errors(method, options, problem, expected, reference) -> di
 def _rounding_error_floors(
     problem: problems.Problem, reference: problems.Motion
 ) -> dict[str, float]:
-    """Return the errors of state, event phase and multiplier that rounding alone causes.
+    """Return the errors of state, event phase and multiplier that are caused by rounding alone.
 
-    They are half the spacing of floating-point numbers at the largest value of the `reference`
-    motion. The multiplier is a central difference, which divides the error by its half width. For
-    gear trains the errors are the accuracy of the reference.
+    The errors of state and phase are half the spacing of floating-point numbers at the largest
+    value of the `reference` motion. The multiplier results from central differences, whose half
+    width divides the error. For gear trains, the accuracy of the reference is returned.
     """
     state = phase = references.TRAIN_ACCURACY
     multiplier = math.nan
@@ -226,11 +225,11 @@ def _rounding_error_floors(
 
 
 def _build_dataset(title, method, names, data, pair, parameters) -> xr.Dataset:
-    """Return `data`, variables of a method over problem and setting, as a dataset.
+    """Build a dataset from `data`, the variables of a method over problem and setting.
 
-    The dimension "rung" is the index of the setting. Each setting is described by the label of the
-    variant of the method ("line"), its family, the accuracy parameter with its value ("knob") and
-    all options. `names` are the names of the problems; `pair` and `parameters` become attributes.
+    The dimension "rung" is the index of a setting, which is described by the label of the method
+    variant ("line"), its family, the accuracy parameter with its value ("knob") and all options.
+    `names` are the names of the problems; `pair` and `parameters` become attributes.
     """
     variants, parameter_texts, options = zip(*method_settings(method), strict=True)
     columns = {
@@ -256,8 +255,8 @@ def measure_times(
 ) -> xr.Dataset:
     """Measure the wall time of a method per mesh period, for all its settings and problems.
 
-    A setting is a value of the accuracy parameter, with its index along the dimension "rung".
-    `names` are names of problems; `pair`, `six_degrees` (arguments of `SixDegreePair`) and
+    A setting is a value of the accuracy parameter; the dimension "rung" is its index. `names` are
+    the names of the problems; `pair`, `six_degrees` (arguments of `SixDegreePair`) and
     `settings` (damping and numbers of mesh periods) are arguments of
     `gearlib.studies.trials.problems.build_problem`. The minimum of `repeats` runs is taken; long
     runs are timed once. No other program may run at the same time. period_time, in seconds,
@@ -266,7 +265,7 @@ def measure_times(
     """
 
     def setting_time(name: str, setting: tuple) -> dict:
-        """Return the wall time of a setting (variant, string, options) on the problem `name`."""
+        """Measure the wall time of a setting (variant, text, options) on the problem `name`."""
         _, _, options = setting
         problem = problems.build_problem(name, pair, six_degrees, settings)
         return {"period_time": _measure_period_time(problem, method, options, repeats)}
@@ -282,8 +281,8 @@ def _measure_period_time(
 ) -> float:
     """Measure the wall time of a method per mesh period of a problem, in seconds.
 
-    It is the minimum of `repeats` measurements, or NaN if the method cannot run the model or stops
-    early. `options` are those of the method.
+    The minimum of `repeats` measurements is returned, or NaN if the method does not support the
+    model or stops early. `options` are the options of the method.
     """
     if not integrators.METHODS[method].supports(problem.model):
         return math.nan
@@ -292,10 +291,10 @@ def _measure_period_time(
     def run(periods: int, calls: int) -> bool:
         """Run the method `calls` times over `periods` mesh periods.
 
-        Return whether any of the runs stopped early.
+        Return whether any run stopped early.
         """
         if method == "exact":
-            # One call makes all runs, in a compiled loop for gear pairs, since a run is very short.
+            # Exact runs are so short that they are repeated in a single call, by a compiled loop.
             propagator = problem.model.propagator(problem.tuning, method)
             starts = np.tile(propagator.initial_state((0.0, 0.0)), (calls, 1))
             _, statuses = propagator.propagate_many(starts, periods, MAX_EVENTS)
@@ -307,11 +306,11 @@ def _measure_period_time(
     short_periods = 1
     max_periods = MAX_PERIODS
     if method == "heyoka":
-        # The short run lets heyoka compile its steps for all contact states.
+        # The short run must be long enough to compile heyoka's steps for all contact states.
         short_periods = 64
     elif method == "exact":
-        # The exact method stops when the motion settles, so its timed runs must not be longer than
-        # the run of the problem.
+        # The exact method stops when the motion has settled, so timed runs must not be longer than
+        # the problem.
         short_periods = max(1, problem.periods // 2)
         if problem.settles:
             max_periods = problem.periods
@@ -323,23 +322,23 @@ def _measure_period_time(
 def measure_seconds_per_period(
     run: Callable, short_periods: int, max_periods: int, repeats: int
 ) -> float:
-    """Measure the wall time of a mesh period of ``run(periods, calls)``, without its start.
+    """Measure the wall time per mesh period of ``run(periods, calls)``, without its startup.
 
-    ``run`` repeats a run over `periods` mesh periods `calls` times. The time follows from the
-    difference between a long run, of at most `max_periods`, and a run of `short_periods`. Quick
-    runs are repeated. The minimum of `repeats` measurements is taken, because other programs can
-    only slow a run down. The result is NaN if a measurement was disturbed.
+    ``run`` makes `calls` runs over `periods` mesh periods. The result is computed from the
+    difference between a long run (up to `max_periods`) and a run of `short_periods`. Short
+    measurements are repeated and the minimum of `repeats` is used, because other programs can only
+    slow a run down. The result is NaN if a measurement was disturbed.
     """
     long_periods = short_periods + 1
     calls = 1
 
     def shortest_times(repeats: int) -> Iterator[float]:
-        """Yield the time of the short and of the long run, each the minimum of `repeats` runs."""
+        """Yield the minimum time of the short run, then of the long run, in `repeats` runs."""
         for periods in (short_periods, long_periods):
             yield min(timeit(partial(run, periods, calls), number=1, repeat=repeats))
 
     short_time, long_time = shortest_times(1)
-    # The runs are extended until their difference is long enough to be measured.
+    # Extend the runs until their difference is long enough to be measured.
     while long_time - short_time < max(MIN_SPAN, 0.5 * short_time) and calls < MAX_CALLS:
         if long_periods < max_periods:
             long_periods = min(4 * long_periods, max_periods)
@@ -349,7 +348,7 @@ def measure_seconds_per_period(
     if long_time < MAX_REPEATED:
         short_time, long_time = shortest_times(repeats)
     if long_time <= short_time:
-        return math.nan  # Other programs have disturbed the measurement.
+        return math.nan  # other programs have disturbed the measurement
     return (long_time - short_time) / (calls * (long_periods - short_periods))
 
 
@@ -367,10 +366,10 @@ def _evolve_repeatedly(level, u, v, t, count):
 def measure_closed_form_time(repeats: int) -> float:
     """Measure the time of one evaluation of the exact solution in contact, in seconds.
 
-    Many evaluations, steps at constant stiffness, are timed together. The minimum of `repeats`
-    measurements is taken, because other programs can only slow a run down.
+    Many evaluations (steps at constant stiffness) are timed together. The minimum of `repeats`
+    measurements is used, because other programs can only slow them down.
     """
-    # The contact is underdamped at mean stiffness; the time does not depend on the values.
+    # Any underdamped contact takes the same time.
     level = stiffness_level_at_tuning(1.0, 0.06, 0.9)
     count = 100_000
     _evolve_repeatedly(level, 1.0, 0.0, 1.0, 1)  # compiles the kernel
