@@ -122,7 +122,7 @@ def _read_table(description, path: Path) -> xr.Dataset:
     `path` the path of the table. Raise ValueError if the file is missing, is empty or does not have
     the stated checksum, or if its columns are invalid.
     """
-    checks.require(path.is_file(), "data", description.data, "a file beside its YAML")
+    checks.require(path.is_file(), "data", description.data, "a file in the same folder")
     checks.require(path.stat().st_size, "data", description.data, "a file with rows: it is empty")
     if description.sha256 is not None:
         with open(path, "rb") as file:

@@ -139,7 +139,7 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
         allowed = f"{description.encoding} text ({getattr(error, 'reason', error)})"
         raise checks.InputError("data", description.data, allowed) from None
     except (OSError, csv.Error) as error:
-        allowed = f"a file beside its YAML ({error})"
+        allowed = f"a file in the same folder ({error})"
         raise checks.InputError("data", description.data, allowed) from None
     indices = {name: names.index(name) for name in _required_columns(names, description)}
     dtypes = {i: "category" if name in text_columns else float for name, i in indices.items()}

@@ -1,4 +1,4 @@
-"""Tolerances: distributions against closed forms, points of the cube, designs and what refuses."""
+"""Check distributions of tolerances, designs sampled from them, and quality classes of gears."""
 
 import itertools
 import math
@@ -16,15 +16,15 @@ from gearlib.uncertainty.quality_classes import by_class, distance_limits, thick
 from tests.geometry.stages import fzg_c
 from tests.paper import PAPER_PAIR
 
-#: Parameters that may have tolerances. The parameter "free" has neither unit nor limits.
+#: Parameters that may have tolerances. The parameter "free" has neither a unit nor limits.
 PARAMETERS = declared_parameters(gearlib.GearPair) | {"free": None}
-PAIR = PAPER_PAIR.replace(material_damping=3953.7)
+DAMPED_PAIR = PAPER_PAIR.replace(material_damping=3953.7)
 
 
-def draw(tolerances, count=4096):
-    """Return the joint distribution of tolerances and values drawn from it, (count, parameters)."""
+def sample_tolerances(tolerances, count=4096):
+    """Return the joint distribution of tolerances and a sample of it, (count, parameters)."""
     joint = distributions.read_tolerances(tolerances, PARAMETERS)
-    # A shift by half a step of 30 bits avoids the Sobol' point 0, whose normal value is infinite.
+    # Half a step of 30 bits is added, because the normal quantile of the Sobol' point 0 is infinite.
     points = stats.qmc.Sobol(len(joint.names), rng=1).random(count) + 2.0**-31
     return joint, joint.values(points)
 
@@ -39,8 +39,8 @@ def draw(tolerances, count=4096):
     ],
 )
 def test_tolerance_distributions_match_scipy(tolerance, reference_distribution):
-    """Quantiles and samples of a tolerance must match the distribution of scipy."""
-    joint, values = draw({"free": tolerance})
+    """Quantiles and samples of a tolerance must match the corresponding scipy distribution."""
+    joint, values = sample_tolerances({"free": tolerance})
     (marginal,) = joint.marginals.values()
     probabilities = np.linspace(0.01, 0.99, 99)
     assert np.allclose(
@@ -48,9 +48,9 @@ def test_tolerance_distributions_match_scipy(tolerance, reference_distribution):
         reference_distribution.ppf(probabilities),
         rtol=1e-12,
     )
-    # Sobol' points are so uniform that the distance is about 1 / 4096.
+    # For uniform Sobol' points the Kolmogorov-Smirnov distance is about 1 / 4096.
     assert stats.kstest(values[:, 0], reference_distribution.cdf).statistic < 1e-3
-    # The centre is the nominal value even if it is not in the middle of its limits.
+    # The centre is the nominal value, even if the limits are not symmetric about it.
     assert joint.centres == [tolerance.get("nominal", marginal.centre)]
 
 
@@ -64,12 +64,15 @@ def test_tolerance_distributions_match_scipy(tolerance, reference_distribution):
 )
 def test_correlations_of_a_gaussian_copula_match_closed_forms(tolerance, expected):
     correlations = [["free", "load", 0.6]]
-    _, values = draw({"free": tolerance, "load": tolerance, "correlations": correlations})
+    _, values = sample_tolerances(
+        {"free": tolerance, "load": tolerance, "correlations": correlations}
+    )
+    # The tolerance allows for the sampling error of 4096 points.
     assert abs(np.corrcoef(values.T)[0, 1] - expected) < 2e-3
 
 
-#: Tolerances | pattern of the refusal.
-REFUSED = """
+#: Invalid tolerances | pattern of the error message.
+INVALID_TOLERANCES = """
 {} | tolerances = {} is not allowed: it must be a mapping of parameters
 {mass: {min: 1, max: 2}} | tolerances = 'mass' is not allowed: it must be one of
 {load: {min: 2.0, max: 1.0}} | tolerances.load.max = 1.0 .* must be > min = 2.0
@@ -86,53 +89,68 @@ REFUSED = """
 {load: {distribution: lognorm}} | tolerances.load.s is missing
 {load: {distribution: norm, mu: 1.0}} | load.mu is not allowed: the param
 {load: {distribution: cauchy, loc: 9.0}} | {'distribution': 'cauchy', 'loc': 9.0} .* finite mean
-{load: {distribution: uniform, loc: -9.0}} | middle of tolerances.load = -8.5 .* must be .* > 0
+{load: {distribution: uniform, loc: -9.0}} | centre of tolerances.load = -8.5 .* must be .* > 0
 {load: {min: 1, max: 2}, correlations: [[load, load, 0.5]]} | two different parameters
 {load: {min: 1, max: 2}, correlations: [[load, free, 0.5]]} | correlations\\[0\\] = 'free'
 """
 
 
-@pytest.mark.parametrize("row", REFUSED.strip().splitlines())
+@pytest.mark.parametrize("row", INVALID_TOLERANCES.strip().splitlines())
 def test_invalid_tolerances_are_refused_in_one_sentence(row):
-    tolerances, words = row.split(" | ")
-    with pytest.raises(ValueError, match=words):
+    tolerances, message = row.split(" | ")
+    with pytest.raises(ValueError, match=message):
         distributions.read_tolerances(yaml.safe_load(tolerances), PARAMETERS)
 
 
-BOTH = {"damping_ratio": {"min": 0.03, "max": 0.05}, "material_damping": {"min": 1e3, "max": 2e3}}
-LOADS = {"load": {"min": 3000.0, "max": 3100.0}}
+TWO_DAMPING_TOLERANCES = {
+    "damping_ratio": {"min": 0.03, "max": 0.05},
+    "material_damping": {"min": 1e3, "max": 2e3},
+}
+LOAD_TOLERANCE = {"load": {"min": 3000.0, "max": 3100.0}}
 
 
 @pytest.mark.parametrize(
-    "model, tolerances, words",
+    "model, tolerances, message",
     [
-        (PAIR, BOTH, "tolerances.material_damping is not allowed beside tolerances.damping_ratio"),
-        (lambda load, mass: PAIR, LOADS, "tolerances.mass is missing"),
-        (lambda load, /: PAIR, LOADS, "with arguments that have names"),
-        (lambda **changes: PAIR, LOADS, "with arguments that have names"),
-        (lambda load: None, LOADS, "value of the function = None .* a model such as GearPair"),
-        (7, LOADS, "model = 7 is not allowed"),
+        (
+            DAMPED_PAIR,
+            TWO_DAMPING_TOLERANCES,
+            "tolerances.material_damping is not allowed together with tolerances.damping_ratio",
+        ),
+        (lambda load, mass: DAMPED_PAIR, LOAD_TOLERANCE, "tolerances.mass is missing"),
+        (lambda load, /: DAMPED_PAIR, LOAD_TOLERANCE, "with arguments that have names"),
+        (lambda **changes: DAMPED_PAIR, LOAD_TOLERANCE, "with arguments that have names"),
+        (
+            lambda load: None,
+            LOAD_TOLERANCE,
+            "value of the function = None .* a model such as GearPair",
+        ),
+        (7, LOAD_TOLERANCE, "model = 7 is not allowed"),
     ],
 )
-def test_tolerances_without_designs_are_refused_in_one_sentence(model, tolerances, words):
-    with pytest.raises(ValueError, match=words):
+def test_tolerances_that_do_not_suit_the_model_are_refused(model, tolerances, message):
+    with pytest.raises(ValueError, match=message):
         Designs(model, tolerances)
 
 
 def test_each_invalid_sample_reports_its_reason():
-    """The function raises an error for small loads and returns no model for large ones."""
+    """Samples for which the function raises an error or returns no model must state which.
 
-    def model(load):
-        """Return a model, raise an error or return None, depending on the load."""
+    Loads are between 3000 and 3100 N.
+    """
+
+    def build_pair(load):
+        """Raise an error for small loads, return None for large ones and a pair otherwise."""
         if load <= 3030.0:
             raise ZeroDivisionError
-        return PAIR.replace(load=load) if load <= 3070.0 else None
+        return DAMPED_PAIR.replace(load=load) if load <= 3070.0 else None
 
-    scatter = gearlib.scatter(model, LOADS, ("jump_up",), n=4, speeds=[2000.0], directions=["up"])
-    texts = scatter.refusal.values
-    assert ((scatter.jump_up_status == -1) == (texts != "")).all() and (texts == "").any()
-    assert any("ZeroDivisionError in the function" in text for text in texts)
-    assert any("value of the function = None" in text for text in texts)
+    options = {"n": 4, "speeds": [2000.0], "directions": ["up"]}
+    scatter = gearlib.scatter(build_pair, LOAD_TOLERANCE, ("jump_up",), **options)
+    refusals = scatter.refusal.values
+    assert ((scatter.jump_up_status == -1) == (refusals != "")).all() and (refusals == "").any()
+    assert any("ZeroDivisionError in the function" in refusal for refusal in refusals)
+    assert any("value of the function = None" in refusal for refusal in refusals)
 
 
 @pytest.mark.parametrize(
@@ -151,43 +169,53 @@ def test_thickness_allowances_match_din_3967(diameter, designation, limits):
 
 
 def test_grades_of_centre_distances_follow_the_formula_of_iso_286():
-    """Grades are multiples of the tolerance factor i = 0.45 D^(1/3) + 0.001 D of each range."""
+    """Tolerances must be rounded multiples of the factor i = 0.45 D^(1/3) + 0.001 D, in um.
+
+    D is the geometric mean, mm, of both ends of the range to which a distance belongs.
+    """
     assert np.allclose(distance_limits(0.0915, "js7"), (-17.5e-6, 17.5e-6))
-    # D is the geometric mean of both ends of a range, mm.
-    for low, high in itertools.pairwise((10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500)):
+    range_ends = 10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500
+    multiples_by_grade = {5: 7, 6: 10, 7: 16, 8: 25, 9: 40, 10: 64, 11: 100}
+    for low, high in itertools.pairwise(range_ends):
         mean_diameter = math.sqrt(low * high)
         factor = 0.45 * mean_diameter ** (1 / 3) + 0.001 * mean_diameter
-        for grade, multiple in zip(range(5, 12), (7, 10, 16, 25, 40, 64, 100), strict=True):
-            # Width of the tolerance in um, for the largest distance of the range.
-            width = round(2e6 * distance_limits(1e-3 * high - 1e-9, f"js{grade}")[1], 6)
+        for grade, multiple in multiples_by_grade.items():
+            # A distance slightly below the upper end belongs to this range.
+            _, upper_limit = distance_limits(1e-3 * high - 1e-9, f"js{grade}")
+            tolerance = round(2e6 * upper_limit, 6)
             # The standard rounds to 1, 5 or 10 um, sometimes not to the nearest step.
-            step = 1 if width < 100 else 5 if width < 200 else 10
-            assert width == pytest.approx(round(width / step) * step)
-            allowed = (0.75 if width < 40 else 1.2) * step
-            assert abs(width - multiple * factor) <= allowed, (high, grade)
+            step = 1 if tolerance < 100 else 5 if tolerance < 200 else 10
+            assert tolerance == pytest.approx(round(tolerance / step) * step)
+            rounding = (0.75 if tolerance < 40 else 1.2) * step
+            assert abs(tolerance - multiple * factor) <= rounding, (high, grade)
 
 
 def test_tooth_thicknesses_follow_the_series_of_din_3967():
-    """The tables of the standard follow geometric series, which exposes each misprint."""
-    # A designation such as "21cd" has the number of a tolerance and the letters of an allowance.
+    """Allowances and tolerances of the tables must follow geometric series, up to rounding.
+
+    A misprint would violate them. A designation such as "21cd" has the number of a tolerance and
+    the letters of an allowance.
+    """
     letters = "a ab b bc c cd d e f g".split()
-    diameters = (0.01, 0.05, 0.125, 0.28, 0.56, 1.0, 1.6, 2.5)  # ends of the ranges, m
+    diameters = (0.01, 0.05, 0.125, 0.28, 0.56, 1.0, 1.6, 2.5)  # upper ends of the ranges, m
     table = [[thickness_limits(d, f"21{letter}")[1] for letter in letters] for d in diameters]
-    allowances = np.log(-1e6 * np.array(table))
-    # An allowance is a factor of the diameter times a factor of the letters. Rounding changes it by
-    # at most 5 %, and above 65 um to multiples of 5 um.
-    series = allowances.mean(0) + allowances.mean(1)[:, None] - allowances.mean()
-    assert np.abs(allowances - series).max() < 0.05
-    assert all(round(x) % 5 == 0 for x in np.exp(allowances).flat if x > 65)
+    log_allowances = np.log(-1e6 * np.array(table))  # of allowances in um
+    # An allowance is the product of a factor for the diameter and a factor for the letters. It is
+    # rounded by at most 5 %, and above 65 um to multiples of 5 um.
+    series = log_allowances.mean(0) + log_allowances.mean(1)[:, None] - log_allowances.mean()
+    assert np.abs(log_allowances - series).max() < 0.05
+    allowances = np.exp(log_allowances)
+    assert (np.round(allowances[allowances > 65]) % 5 == 0).all()
     limits = [[thickness_limits(d, f"{number}h") for number in range(21, 31)] for d in diameters]
+    # The letter h stands for an allowance of 0.
     assert not np.array(limits)[..., 1].any()
-    widths = np.round(1e6 * np.ptp(limits, axis=2), 6)
-    # Tolerances are rounded preferred numbers R 10 of ISO 3, ten in a decade, above 25 um multiples
-    # of 10 um. Successive numbers are two steps apart.
-    near = 10.0 ** (np.round(10.0 * np.log10(widths)) / 10.0)
-    assert (np.abs(widths - near) < 0.06 * near).all()
-    assert (widths[widths > 25] % 10 == 0).all()
-    assert np.diff(np.log10(widths)) == pytest.approx(0.2, abs=0.05)
+    tolerances = np.round(1e6 * np.ptp(limits, axis=2), 6)
+    # Tolerances are rounded preferred numbers R 10 of ISO 3, ten per decade, and above 25 um
+    # multiples of 10 um. Tolerances of successive numbers are two steps apart.
+    preferred_numbers = 10.0 ** (np.round(10.0 * np.log10(tolerances)) / 10.0)
+    assert (np.abs(tolerances - preferred_numbers) < 0.06 * preferred_numbers).all()
+    assert (tolerances[tolerances > 25] % 10 == 0).all()
+    assert np.diff(np.log10(tolerances)) == pytest.approx(0.2, abs=0.05)
 
 
 def test_backlash_and_deviation_scatter_by_the_classes_of_gears():
@@ -199,9 +227,9 @@ def test_backlash_and_deviation_scatter_by_the_classes_of_gears():
     assert designs.units("pinion.thickness_allowance")[0] == "m"
     models = [designs.model(row) for row in designs.values(designs.points(0, 16))]
     backlashes = [model.backlash for model in models]
-    # Both teeth are thinner by at least 54 + 85 um and at most 60 um more, to which the centre
-    # distance adds.
+    # Allowances make the teeth thinner by 139 to 199 um in sum, and the tolerance of the centre
+    # distance changes the backlash further.
     assert 100e-6 < min(backlashes) < max(backlashes) < 280e-6
-    half = mesh.pinion.form_deviation / 2.0
-    waves = [abs(model.deviation.cosines[0]) for model in models]
-    assert 0.5 * half < max(waves) <= half
+    max_amplitude = mesh.pinion.form_deviation / 2.0
+    amplitudes = [abs(model.deviation.cosines[0]) for model in models]
+    assert 0.5 * max_amplitude < max(amplitudes) <= max_amplitude
