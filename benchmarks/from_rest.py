@@ -1,6 +1,6 @@
 """Whole runs from rest, what users compute, beside the yardstick in C++ where a compiler is.
 
-Both are timed in turns, in processor seconds of one thread, of which the least counts: other work
+Both are timed in turns, in processor seconds of one thread, of which the least counts: other workspace
 on the machine only adds. The yardstick gives the state at the end, ours the summary as well.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.short import repeats
 from gearlib import sweep
-from gearlib.engines.pair.propagator import ratios
+from gearlib.engines.pair.propagator import dimensionless_parameters
 
 TUNINGS, ROUNDS = 4096, repeats(7)
 #: Range of tunings, periods: the paper's characteristic, and where nothing settles.
@@ -48,7 +48,7 @@ def least(call):
 
 def by_yardstick(program, pair, first, last, periods):
     """Return (processor seconds, final states) of the yardstick."""
-    words = [*ratios(pair)[:6], first, last, TUNINGS, periods, 2]
+    words = [*dimensionless_parameters(pair)[:6], first, last, TUNINGS, periods, 2]
     done = subprocess.run(
         [program, *(repr(float(word)) for word in words)], check=True, capture_output=True
     )

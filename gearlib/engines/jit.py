@@ -21,10 +21,7 @@ _KERNEL_FOLDERS = Path(__file__).parent, Path(__file__).parents[1] / "integrator
 
 
 def source_hash() -> str:
-    """Return a hash, 16 hexadecimal digits, of all Python files that may define kernels.
-
-    Kernels are functions that numba compiles.
-    """
+    """Return a hash, 16 hexadecimal digits, of all Python files that may define kernels."""
     digest = hashlib.sha256()
     for path in sorted(path for folder in _KERNEL_FOLDERS for path in folder.rglob("*.py")):
         digest.update(path.name.encode())
@@ -33,10 +30,10 @@ def source_hash() -> str:
 
 
 def cache_folder() -> str:
-    """Return the folder of the kernels' machine code, and create it if needed.
+    """Return the folder of the machine code of the kernels, creating it if needed.
 
     Its name contains a hash of the sources, so that no outdated code is loaded. If the user's cache
-    folder cannot be written, it lies in a temporary folder.
+    folder is read-only, it lies in a temporary folder.
     """
     name = f"kernels-{source_hash()}"
     user_cache = os.path.join(os.path.expanduser("~"), ".cache")
@@ -53,10 +50,10 @@ def cache_folder() -> str:
 
 
 def _temporary_folder() -> str:
-    """Return a folder for temporary files in which no other user can have written.
+    """Return a folder for temporary files to which no other user can have written.
 
-    Machine code that another user has written could be harmful, so that a new folder is created if
-    gearlib's usual one belongs to another user.
+    Machine code written by another user could be harmful, so a new folder is created if the usual
+    folder of gearlib belongs to another user.
     """
     user = os.getuid() if hasattr(os, "getuid") else None
     path = os.path.join(tempfile.gettempdir(), f"gearlib-{user}")
@@ -75,16 +72,16 @@ _NUMBA_OPTIONS |= {"no_cfunc_wrapper": True}
 
 
 def kernel(function):
-    """Compile a function with numba, with the settings that all kernels share.
+    """Compile a function with numba, with the options that all kernels share.
 
     ``fastmath=False``: the order of events depends on the last digits. ``error_model="numpy"``: a
-    division by zero gives infinity, which the kernels rely on. ``nogil``: sweeps run in threads.
+    division by zero gives infinity, on which the kernels rely. ``nogil``: sweeps run in threads.
     """
     return numba.njit(_nrt=True, forceinline=False, **_NUMBA_OPTIONS)(function)
 
 
 def inlined_kernel(function):
-    """Compile a function into its callers, because calls would cost more than its work."""
+    """Compile a function into its callers, because a call would cost more than its body."""
     return numba.njit(_nrt=True, forceinline=True, **_NUMBA_OPTIONS)(function)
 
 
@@ -94,7 +91,7 @@ def kernel_without_refcounts(function):
     The function must neither create nor return arrays. Each access to a tuple of arrays would
     change a reference count that all threads share, which costs more than the sums in inner loops.
     All decorators set ``_nrt`` (reference counts) and ``forceinline``, because a kernel inherits
-    options that are not set from the kernel that calls it.
+    unset options from the kernel that calls it.
     """
     return numba.njit(_nrt=False, forceinline=False, **_NUMBA_OPTIONS)(function)
 

@@ -1,8 +1,8 @@
-"""Small matrices in kernels: copies of rows, exponentials, growth of perturbations under maps.
+"""Small matrices in kernels: copies of rows, matrix exponentials, growth of perturbations.
 
-numba compiles ``target[:] = source`` with error messages that cost five seconds in every process
-that compiles anything, so that arrays are copied entry by entry. Exponentials by their power series
-are faster than calls of a library.
+Compiling ``target[:] = source`` takes numba five seconds in every process that compiles anything,
+because of its error messages, so arrays are copied entry by entry. Matrix exponentials by their
+power series are faster than library calls.
 """
 
 import math
@@ -23,7 +23,7 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
 def enlarge_table(table: np.ndarray, row_count: int) -> np.ndarray:
     """Return a copy of `table` with `row_count` rows, at least as many as before.
 
-    The additional rows are not initialized.
+    The additional rows are not initialised.
     """
     larger_table = np.empty((row_count, table.shape[1]))
     for i in range(table.shape[0]):
@@ -31,9 +31,9 @@ def enlarge_table(table: np.ndarray, row_count: int) -> np.ndarray:
     return larger_table
 
 
-#: Degree of the series.
+#: Degree of the power series.
 _ORDER = 20
-#: Largest norm of the matrix times the time, for a remainder below 1.3^21 / 21! e^1.3 = 2e-17.
+#: Largest norm of matrix * time, for a remainder below 1.3^21 / 21! e^1.3 = 2e-17.
 MAX_NORM = 1.3
 
 
@@ -41,8 +41,8 @@ MAX_NORM = 1.3
 def exponential(matrix: np.ndarray, time: float) -> np.ndarray:
     """Return the matrix exponential exp(matrix * time) of a matrix, shape (n, n).
 
-    The norm of matrix * time must be at most MAX_NORM; then the terms of the power series beyond
-    the degree _ORDER are below rounding.
+    The norm of matrix * time must be at most MAX_NORM; the terms of the power series beyond the
+    degree _ORDER are then below rounding.
     """
     n = matrix.shape[0]
     total, term = np.eye(n), np.eye(n)
@@ -61,11 +61,11 @@ def exponential(matrix: np.ndarray, time: float) -> np.ndarray:
 
 @kernel
 def propagate_perturbation(maps, weights, perturbation, log_growths):
-    """Multiply a perturbation in place by k period maps, and normalise it after each of them.
+    """Multiply a perturbation in place by k period maps, normalising it after each map.
 
     Period maps, shape (k, n, n), are the derivatives of the state after a mesh period with respect
     to the state before it. The norm is the Euclidean norm of weights * perturbation, both of shape
-    (n,); its logarithm after each map goes to `log_growths`, shape (k,), from which Lyapunov
+    (n,). Its logarithm after each map is written to `log_growths`, shape (k,), from which Lyapunov
     exponents follow. Returns False if the perturbation vanishes, otherwise True.
     """
     n = perturbation.shape[0]
@@ -78,7 +78,7 @@ def propagate_perturbation(maps, weights, perturbation, log_growths):
                 image[i] += maps[k, i, j] * perturbation[j]
             squared_norm += (weights[i] * image[i]) ** 2
         norm = math.sqrt(squared_norm)
-        # This is also True if the norm is NaN.
+        # The negated comparison is also true for NaN.
         if not norm > 0.0:
             return False
         for i in range(n):

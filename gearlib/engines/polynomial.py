@@ -1,10 +1,10 @@
 """First zero crossing and maximum of a polynomial on [0, 1], isolated in Bernstein form.
 
-A polynomial on [0, 1] lies between its smallest and its largest Bernstein coefficient. So an
-interval without a negative coefficient has no crossing, and an interval whose coefficients change
+A polynomial on [0, 1] lies between its smallest and its largest Bernstein coefficient. An interval
+without a negative coefficient therefore has no crossing, and an interval whose coefficients change
 sign once, from plus to minus, has exactly one. All other intervals are halved (de Casteljau). The
-polynomial is not sampled: any dip below zero, however short, makes a coefficient negative. If a
-search takes too many halvings, the functions report that.
+polynomial is not sampled: any dip below zero, however short, has a negative coefficient. The
+functions report a search that needs too many halvings.
 """
 
 import math
@@ -15,16 +15,16 @@ from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_withou
 
 #: Largest number of halvings; the interval is then as short as rounding.
 MAX_DEPTH = 48
-#: Largest number of Newton steps to a root. Each eighth step halves the bracket, and 60 halvings
+#: Largest number of Newton steps to a root. Every eighth step halves the bracket, and 60 halvings
 #: suffice.
 MAX_NEWTON_STEPS = 480
-#: Largest number of Newton steps to a maximum. Usually fewer than ten are taken.
+#: Largest number of Newton steps to a maximum, which usually needs fewer than ten.
 _MAX_PEAK_STEPS = 60
-#: Number of rows of the work array of a search: intervals to be searched and three polynomials.
-WORK_ROWS = MAX_DEPTH + 4
+#: Number of rows of the workspace of a search: intervals to be searched and three polynomials.
+WORKSPACE_ROWS = MAX_DEPTH + 4
 #: Largest number of intervals in a search. Ten nearly double roots take 140.
 MAX_INTERVALS = 1000
-#: Rounding error of a polynomial, as a fraction of its coefficients.
+#: Rounding error of a polynomial, relative to its coefficients.
 _ROUNDING = 4e-16
 #: Highest degree of a polynomial.
 _MAX_DEGREE = 24
@@ -32,10 +32,10 @@ _DEGREES = range(_MAX_DEGREE + 1)
 #: Binomial coefficients C(n, k), shape (25, 25).
 BINOMIALS = np.array([[float(math.comb(n, k)) for k in _DEGREES] for n in _DEGREES])
 #: Entry (i, k) is the weight C(k, i) / 2^k of coefficient i in coefficient k of the left half. The
-#: right half has the same weights with the columns in reverse order.
+#: right half has the same weights with columns in reverse order.
 _LEFT_WEIGHTS = np.array([[math.comb(k, i) / 2.0**k for k in _DEGREES] for i in _DEGREES])
 _RIGHT_WEIGHTS = np.ascontiguousarray(_LEFT_WEIGHTS[:, ::-1])
-#: Tolerance of a maximum, as a fraction of the coefficients: a hundred times their rounding error.
+#: Tolerance of a maximum, relative to the coefficients: a hundred times their rounding error.
 _VALUE_TOLERANCE = 4e-14
 #: Tolerance of the location of a maximum. Its square, the error of the value, is below rounding.
 _PEAK_LOCATION_TOLERANCE = 1e-9
@@ -44,8 +44,8 @@ _PEAK_LOCATION_TOLERANCE = 1e-9
 def bernstein_matrix(degree: int) -> np.ndarray:
     """Return the matrix that converts power coefficients to Bernstein coefficients on [0, 1].
 
-    Its shape is (degree + 1, degree + 1). Row i holds the weights with which power coefficient i
-    enters all Bernstein coefficients.
+    Its shape is (degree + 1, degree + 1). Row i holds the weights of power coefficient i in all
+    Bernstein coefficients.
     """
     matrix = np.zeros((degree + 1, degree + 1))
     for j in range(degree + 1):
@@ -58,7 +58,7 @@ def bernstein_matrix(degree: int) -> np.ndarray:
 def horner(coefficients: np.ndarray, s: float) -> tuple:
     """Return (value, derivative) of a polynomial at s by Horner's scheme.
 
-    `coefficients` are its power coefficients, constant first.
+    `coefficients` are the power coefficients, constant first.
     """
     value, slope = 0.0, 0.0
     for k in range(coefficients.shape[0] - 1, -1, -1):
@@ -68,11 +68,13 @@ def horner(coefficients: np.ndarray, s: float) -> tuple:
 
 
 @kernel
-def _to_bernstein(coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.ndarray) -> None:
+def _convert_to_bernstein(
+    coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.ndarray
+) -> None:
     """Fill the first n + 1 entries of `bernstein` with the Bernstein coefficients of a polynomial.
 
-    `coefficients` are its n + 1 power coefficients, constant first. `matrix` is the
-    `bernstein_matrix` of degree n: row i holds the weights of power coefficient i.
+    `coefficients` are its n + 1 power coefficients, constant first, and `matrix` is the
+    `bernstein_matrix` of degree n.
     """
     bernstein[: coefficients.shape[0]] = coefficients[0]
     for i in range(1, coefficients.shape[0]):
@@ -81,21 +83,21 @@ def _to_bernstein(coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.nd
 
 
 @inlined_without_refcounts
-def halve(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) -> None:
+def split_in_half(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) -> None:
     """Split a polynomial in Bernstein form at the middle of its interval.
 
-    b holds the n + 1 Bernstein coefficients of degree n on the whole interval; they are replaced by
-    those on the right half, and `left` is filled with those on the left half. `storage` is
-    overwritten. Weighted sums are faster than de Casteljau's scheme, because the compiler turns
-    them into vector instructions.
+    b holds the n + 1 Bernstein coefficients on the whole interval; they are replaced by the
+    coefficients on the right half, and `left` is filled with the coefficients on the left half.
+    `storage` is overwritten. Weighted sums are faster than de Casteljau's algorithm, because the
+    compiler turns them into vector instructions.
     """
     for k in range(n + 1):
         storage[k] = b[k]
         left[k], b[k] = 0.0, 0.0
-    # With an index sum in place of this slice the compiler would check for negative indices.
+    # This slice avoids index sums, for which the compiler would check for negative indices.
     right_weights = _RIGHT_WEIGHTS[:, _MAX_DEGREE - n :]
     i = 0
-    # Four coefficients at a time are added, then the remaining ones.
+    # Add four coefficients at a time, then the remaining ones.
     while i + 3 <= n:
         b0, b1, b2, b3 = storage[i], storage[i + 1], storage[i + 2], storage[i + 3]
         for k in range(i, n + 1):
@@ -133,7 +135,7 @@ def _find_root(b, n, s, value_terms, slope_terms):
     b holds its Bernstein coefficients of degree n, and the argument s is an estimate of the root.
     Newton's method is safeguarded by bisection. `value_terms` and `slope_terms`, shape (n + 1,) or
     longer, are overwritten with the Bernstein coefficients of the polynomial and of its derivative,
-    times binomial coefficients.
+    multiplied by binomial coefficients.
     """
     for i in range(n + 1):
         value_terms[i] = BINOMIALS[n, i] * b[i]
@@ -159,9 +161,9 @@ def _find_root(b, n, s, value_terms, slope_terms):
             lower = s
         else:
             upper = s
-        # Both sums lack powers of the scale: the value n of them, the derivative n - 1.
+        # The sums are the value / scale^n and the derivative / (n scale^(n - 1)).
         new_s = s - value * scale / (n * derivative) if derivative < 0.0 else -1.0
-        # Each eighth step bisects the bracket, so that the method always ends.
+        # Every eighth step bisects the bracket, so the method always ends.
         is_newton = lower <= new_s <= upper and step_count % 8 < 7
         if not is_newton:
             new_s = 0.5 * (lower + upper)
@@ -182,7 +184,7 @@ def _count_sign_changes(b, n, tolerance):
 
     b holds the coefficients of degree n. The polynomial has at most as many roots in [0, 1] as
     there are sign changes. Coefficients within `tolerance` of zero are ignored, except the first
-    one. The estimate is the zero of the line between two neighbouring coefficients.
+    one. The estimate is the zero of the linear interpolation between two coefficients.
     """
     count, root_estimate = 0, 0.0
     last_value, last_index = b[0], 0
@@ -197,21 +199,21 @@ def _count_sign_changes(b, n, tolerance):
 
 
 @kernel_without_refcounts
-def first_bernstein_crossing(work, zero_count, end, value_error):
-    """Return (first s in [0, end] where a polynomial falls through zero, error of s by rounding).
+def first_bernstein_crossing(workspace, zero_count, end, value_error):
+    """Return (first s in [0, end] where a polynomial falls through zero, rounding error of s).
 
-    s is 2 if there is none, and -1 if the search takes too many intervals. The first row of `work`,
-    shape (WORK_ROWS, n + 2), begins with the Bernstein coefficients. The first `zero_count` power
-    coefficients are exactly 0: one if the motion starts on a flank line, two if it rests there. A
-    dip below zero by `value_error` counts as rounding. Intervals are halved until signs or sign
-    changes of their Bernstein coefficients decide.
+    s is 2 if there is no such s, and -1 if the search needs too many intervals. The first row of
+    `workspace`, shape (WORKSPACE_ROWS, n + 2), starts with the Bernstein coefficients. The first
+    `zero_count` power coefficients are exactly 0: one if the motion starts on a flank line, two if
+    it rests there. A dip below zero by `value_error` counts as rounding. Intervals are halved until
+    the signs or sign changes of their Bernstein coefficients are decisive.
     """
-    last, b, tolerance = work.shape[1] - 1, work[0], value_error
+    last, b, tolerance = workspace.shape[1] - 1, workspace[0], value_error
     n = last - 1
     if not tolerance < math.inf:
-        # The coefficients overflow, which the status of the run reports later.
+        # The status of the run reports this overflow later.
         return 2.0, 0.0
-    # Factors s are divided out, so that roots near 0 stay above rounding.
+    # Divide out factors s, so that roots near 0 stay above rounding.
     for _ in range(min(zero_count, n - 2)):
         for i in range(n):
             b[i] = b[i + 1] * n / (i + 1)
@@ -221,15 +223,15 @@ def first_bernstein_crossing(work, zero_count, end, value_error):
     if zero_count == 0 and b[0] <= 0.0 and slope < -tolerance:
         return 0.0, 0.0
     if zero_count > 0 and abs(b[0]) <= tolerance and slope < -tolerance:
-        # The distance of the root from 0 is below rounding.
+        # The root differs from 0 by less than rounding.
         return max(-b[0] / slope, 0.0), 0.0
-    value_terms, slope_terms = work[MAX_DEPTH + 2], work[MAX_DEPTH + 3]
+    value_terms, slope_terms = workspace[MAX_DEPTH + 2], workspace[MAX_DEPTH + 3]
     depth, start = 0, 0.0
     b[last] = 1.0
     for _ in range(MAX_INTERVALS):
         if depth < 0 or start > end:
             return 2.0, 0.0
-        b = work[depth]
+        b = workspace[depth]
         width = b[last]
         smallest, largest = b[0], b[0]
         for j in range(1, n + 1):
@@ -257,9 +259,9 @@ def first_bernstein_crossing(work, zero_count, end, value_error):
             start += width
             depth -= 1
         else:
-            # This row keeps the right half. The next row gets the left half, to be searched first.
-            left = work[depth + 1]
-            halve(b, left, work[MAX_DEPTH + 1], n)
+            # This row keeps the right half. The left half in the next row is searched first.
+            left = workspace[depth + 1]
+            split_in_half(b, left, workspace[MAX_DEPTH + 1], n)
             b[last] = 0.5 * width
             left[last] = 0.5 * width
             depth += 1
@@ -268,15 +270,14 @@ def first_bernstein_crossing(work, zero_count, end, value_error):
 
 @kernel
 def first_downward_crossing(
-    coefficients: np.ndarray, to_bernstein: np.ndarray, work: np.ndarray
+    coefficients: np.ndarray, to_bernstein: np.ndarray, workspace: np.ndarray
 ) -> float:
-    """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
+    """Return the first s in [0, 1] where a polynomial falls through zero, or 2 if there is none.
 
-    s is -1 if the search takes too many intervals. The n + 1 power coefficients begin with the
-    constant. A polynomial that starts at zero, or below it by rounding, falls at once if its slope
-    is negative; otherwise it has to rise above zero first. `to_bernstein` is the `bernstein_matrix`
-    of degree n, which converts power to Bernstein coefficients; `work` is storage of shape
-    (WORK_ROWS, n + 2).
+    s is -1 if the search needs too many intervals. `coefficients` are n + 1 power coefficients,
+    constant first. If the polynomial starts at zero, or below it by rounding, it falls at once if
+    its slope is negative; otherwise it has to rise above zero first. `to_bernstein` is the
+    `bernstein_matrix` of degree n; `workspace`, shape (WORKSPACE_ROWS, n + 2), is overwritten.
     """
     value_error, other_slopes, end = 0.0, 0.0, 0.0
     for k in range(coefficients.shape[0]):
@@ -287,7 +288,7 @@ def first_downward_crossing(
     slope = coefficients[1]
     if coefficients[0] <= 0.0 and slope < -value_error:
         return 0.0
-    # If one slope dominates, the polynomial is monotonic, and its end decides.
+    # If the linear term dominates, the polynomial is monotonic, and its end decides.
     other_slopes -= abs(slope)
     if slope > other_slopes or (slope < -other_slopes and end > value_error):
         return 2.0
@@ -296,33 +297,33 @@ def first_downward_crossing(
         zero_count += 1
     if zero_count > 0 and coefficients[zero_count] < -value_error:
         return 0.0
-    _to_bernstein(coefficients, to_bernstein, work[0])
-    return first_bernstein_crossing(work, zero_count, 1.0, value_error)[0]
+    _convert_to_bernstein(coefficients, to_bernstein, workspace[0])
+    return first_bernstein_crossing(workspace, zero_count, 1.0, value_error)[0]
 
 
 @kernel
-def polynomial_maximum(coefficients, to_bernstein, work, lower_bound):
+def polynomial_maximum(coefficients, to_bernstein, workspace, lower_bound):
     """Return the largest value of a polynomial on [0, 1], or `lower_bound` if that is larger.
 
-    The result is NaN if the search takes too many intervals. The n + 1 power coefficients begin
-    with the constant. `to_bernstein` is the `bernstein_matrix` of degree n, which converts power to
-    Bernstein coefficients; `work` is storage of shape (WORK_ROWS, n + 2).
+    The result is NaN if the search needs too many intervals. `coefficients` are n + 1 power
+    coefficients, constant first. `to_bernstein` is the `bernstein_matrix` of degree n; `workspace`,
+    shape (WORKSPACE_ROWS, n + 2), is overwritten.
     """
     variation = 0.0
     for k in range(1, coefficients.shape[0]):
         variation += abs(coefficients[k])
     if coefficients[0] + variation <= lower_bound:
         return lower_bound
-    _to_bernstein(coefficients, to_bernstein, work[0])
-    return bernstein_maximum(work, coefficients.shape[0] - 1, lower_bound)
+    _convert_to_bernstein(coefficients, to_bernstein, workspace[0])
+    return bernstein_maximum(workspace, coefficients.shape[0] - 1, lower_bound)
 
 
 @kernel_without_refcounts
 def _has_one_peak(b: np.ndarray, n: int) -> bool:
     """Return whether a polynomial provably has at most one local maximum inside [0, 1].
 
-    This is proven if its Bernstein coefficients b, of degree n, first rise and then fall, because
-    the polynomial does not oscillate more than they do.
+    This is the case if its Bernstein coefficients b, of degree n, first rise and then fall, because
+    the polynomial does not oscillate more than its coefficients.
     """
     k = 1
     while k <= n and b[k] >= b[k - 1]:
@@ -336,8 +337,8 @@ def _has_one_peak(b: np.ndarray, n: int) -> bool:
 def _peak_value(b: np.ndarray, n: int) -> float:
     """Return the maximum on [0, 1] of a polynomial with a single local maximum.
 
-    b holds its Bernstein coefficients of degree n >= 2. Newton's method searches for the zero of
-    the derivative, safeguarded by bisection.
+    b holds its Bernstein coefficients of degree n >= 2. Newton's method, safeguarded by bisection,
+    searches for the zero of the derivative.
     """
     s, lower, upper = 0.5, 0.0, 1.0
     for _ in range(_MAX_PEAK_STEPS):
@@ -367,22 +368,22 @@ def _peak_value(b: np.ndarray, n: int) -> float:
 
 
 @kernel_without_refcounts
-def bernstein_maximum(work: np.ndarray, n: int, lower_bound: float) -> float:
+def bernstein_maximum(workspace: np.ndarray, n: int, lower_bound: float) -> float:
     """Return the largest value of a polynomial on [0, 1], or `lower_bound` if that is larger.
 
-    The first row of `work`, shape (WORK_ROWS, n + 2), begins with its Bernstein coefficients of
-    degree n; the other rows are overwritten. Intervals are halved, and dropped if no coefficient,
-    and so no value, exceeds the largest value found so far (branch and bound). The result is NaN if
-    the search takes too many intervals.
+    The first row of `workspace`, shape (WORKSPACE_ROWS, n + 2), starts with the Bernstein
+    coefficients of degree n; the other rows are overwritten. Intervals are halved and dropped if no
+    coefficient, hence no value, exceeds the largest value found so far (branch and bound). The
+    result is NaN if the search needs too many intervals.
     """
     largest_magnitude = 0.0
     for k in range(n + 1):
-        largest_magnitude = max(largest_magnitude, abs(work[0, k]))
+        largest_magnitude = max(largest_magnitude, abs(workspace[0, k]))
     tolerance, depth = _VALUE_TOLERANCE * largest_magnitude, 0
     for _ in range(MAX_INTERVALS):
         if depth < 0:
             return lower_bound
-        b = work[depth]
+        b = workspace[depth]
         lower_bound = max(lower_bound, b[0], b[n])
         upper_bound = b[0]
         for j in range(1, n + 1):
@@ -394,6 +395,6 @@ def bernstein_maximum(work: np.ndarray, n: int, lower_bound: float) -> float:
             lower_bound = max(lower_bound, _peak_value(b, n))
             depth -= 1
             continue
-        halve(b, work[depth + 1], work[MAX_DEPTH + 1], n)
+        split_in_half(b, workspace[depth + 1], workspace[MAX_DEPTH + 1], n)
         depth += 1
     return lower_bound if depth < 0 else math.nan

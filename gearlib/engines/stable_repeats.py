@@ -1,12 +1,12 @@
-"""Proof of the period of a motion. A proof is needed because a transient may repeat for a while.
+"""Proof of the period of a motion, which is needed because a transient may repeat for a while.
 
 Let P be the map of p mesh periods, M its derivative at the state s, and d = P(s) - s with the
-components c along the eigenvectors of M, of length 1. Where the pattern of events is fixed and all
-multipliers of M lie within the unit circle, all later states lie within
+components c along the eigenvectors of M, which have length 1. If the sequence of events is fixed
+and all multipliers of M are inside the unit circle, all later states lie within
 
     D = sum_k |c_k| / (1 - |lambda_k|)
 
-of s and converge to an orbit there. This counts as a proof if D is far below the distance from any
+of s and converge to an orbit there. This is a proof if D is far below the distance from any
 grazing. `gearlib.engines.pair.settling` proves the same during the runs of a `GearPair`.
 """
 
@@ -21,33 +21,33 @@ from gearlib.engines.codes import OK
 from gearlib.engines.orbit import Record, Span
 
 if TYPE_CHECKING:
-    from gearlib.engines.protocol import Base
+    from gearlib.engines.protocol import Engine
 
 #: Largest distance D of a settled motion from its stable orbit. It is smaller than the tolerance of
-#: equal states, so that a transient towards a shorter orbit is not taken for a longer orbit.
+#: equal states, so that a transient towards a shorter orbit is not mistaken for a longer orbit.
 _SETTLED_DISTANCE = 1e-8
 #: Smallest distance of Floquet multipliers from the unit circle for which a proof is possible.
 _MIN_DECAY = 1e-6
-#: An orbit does not graze a flank line if it stays at least this far from it, in static
-#: deflections, or crosses it at least at this speed, in static deflections by natural time.
+#: An orbit does not graze a flank line if it stays at least this far away, in static deflections,
+#: or crosses the line at this speed or faster, in static deflections per unit of natural time.
 _GRAZING_DISTANCE, _GRAZING_SPEED = 1e-5, 1e-3
-#: Largest number of mesh periods that are added to a run, and largest number of all mesh periods
-#: as a multiple of the periods of the run.
+#: Largest number of mesh periods by which a run is extended, and largest total number of mesh
+#: periods as a multiple of the length of the run.
 _MAX_ADDED_PERIODS, _MAX_PERIOD_RATIO = 5000, 20
-#: Distance between two neighbouring initial states, as large as the rounding of a run, and distance
-#: at which their motions have diverged, both as fractions of the state.
+#: Distance between two neighbouring initial states, as large as the rounding error of a run, and
+#: distance at which their motions have diverged, both relative to the state.
 _START_DISTANCE, _DIVERGED_DISTANCE = 1e-13, 1e-2
 
 
-def proven_period(
-    propagator: "Base", z: np.ndarray, period: int, max_events: int, first_period: int = 0
+def prove_period(
+    propagator: "Engine", z: np.ndarray, period: int, max_events: int, first_period: int = 0
 ) -> int:
     """Return the period of the orbit to which a motion provably converges from a state, or 0.
 
-    z is the state, and `period` is the number of mesh periods after which states repeat to within a
-    tolerance, or 0; the result equals it if convergence to this orbit is proven. `propagator` is
-    the engine of the model. A mesh period has at most `max_events` events; the excitation starts
-    with its period `first_period`.
+    `period` is the number of mesh periods after which the states repeat within a tolerance, or 0;
+    it is returned if convergence from the state z to an orbit with this period is proven.
+    `propagator` is the engine of the model. A mesh period has at most `max_events` events; z
+    belongs to the start of mesh period `first_period` of the excitation period.
     """
     model = propagator.model
     if not period or propagator.proves_periods:
@@ -60,9 +60,10 @@ def proven_period(
     try:
         reduce, lift = model.reduction()
     except ValueError:
-        # The rigid-body rotation is damped, so it has to settle like all other motions.
+        # The rigid-body rotation is damped, so it has to settle like any other motion.
         reduce = lift = np.eye(model.size)
-    # The tuning converts rates by mesh phase to rates by natural time, as large as displacements.
+    # The tuning converts derivatives by mesh phase to derivatives by natural time, which are of the
+    # same size as the displacements.
     weights = np.repeat([1.0, propagator.tuning], len(reduce) // 2)
     reduce, lift = weights[:, None] * reduce, lift / weights
     step = reduce @ (end_state - z)
@@ -88,7 +89,7 @@ def _distance_bound(matrix: np.ndarray, step: np.ndarray) -> float:
     """
     norm = np.linalg.norm(matrix)
     if norm < 0.5:
-        # The map contracts so fast that rounding determines its eigenvectors. The geometric series
+        # If the map contracts fast, rounding errors dominate its eigenvectors. The geometric series
         # of the norm gives a bound without them.
         return np.linalg.norm(step) / (1.0 - norm)
     multipliers, vectors = np.linalg.eig(matrix)
@@ -101,38 +102,39 @@ def _distance_bound(matrix: np.ndarray, step: np.ndarray) -> float:
         return math.inf
 
 
-def _avoids_grazing(propagator: "Base", record: Record) -> bool:
+def _avoids_grazing(propagator: "Engine", record: Record) -> bool:
     """Return whether a recorded motion is far from grazing its flank lines.
 
-    A flank line is the displacement at which flanks touch; a motion that grazes it can change its
-    pattern of contacts. Extrema of the displacement keep a minimum distance from each line, and
-    crossings have a minimum speed. `propagator` is the engine that has computed the `Record`.
+    A flank line is the displacement at which the flanks touch. If a motion grazes it, a small
+    change can change its sequence of contacts. The extrema of the displacement must keep a minimum
+    distance from each line, and crossings must have a minimum speed. `propagator` is the engine
+    that has computed the `Record`.
     """
     extrema = np.moveaxis(record.summary[..., [orbit.X_MAX, orbit.X_MIN]], -1, 0)
     distances = [np.abs(extrema - line).min() for line in propagator.model.flank_lines]
-    # Velocities are by mesh phase; the tuning converts them to natural time.
+    # The tuning converts velocities by mesh phase to velocities by natural time.
     speeds = np.abs(record.events[:, orbit.EVENT_VELOCITY]) * propagator.tuning
     return min(distances) > _GRAZING_DISTANCE and speeds.min(initial=math.inf) > _GRAZING_SPEED
 
 
-def settled_period(
-    propagator: "Base", record: Record, span: Span, until_settled: bool
+def find_settled_period(
+    propagator: "Engine", record: Record, span: Span, until_settled: bool
 ) -> tuple[int, int]:
     """Return (proven period of a motion, mesh periods until the proof) after a run.
 
     A motion has settled when it provably converges to a periodic orbit. `record` is the `Record` of
     the run over the `Span` by the engine `propagator`. The period is 0 without a proof, or if
-    rounding decides to which orbit the motion converges. With `until_settled` the run continues
+    rounding decides to which orbit the motion converges. With `until_settled` the run is extended
     until there is a proof, up to 20 times its length, but by at most 5000 periods.
     """
     z, period, periods = record.state, record.period, span.periods
-    # If a neighbouring motion diverges, rounding decides where the motion settles.
+    # If a neighbouring motion diverges, rounding decides on which orbit the motion settles.
     neighbour, has_diverged, max_periods = z * (1.0 + _START_DISTANCE), False, periods
     if until_settled:
         max_periods = min(_MAX_PERIOD_RATIO * periods, periods + _MAX_ADDED_PERIODS)
     while True:
         orbit_period = (
-            0 if has_diverged else proven_period(propagator, z, period, span.max_events, periods)
+            0 if has_diverged else prove_period(propagator, z, period, span.max_events, periods)
         )
         added_periods = min(periods, max_periods - periods)
         if orbit_period or has_diverged or not added_periods:

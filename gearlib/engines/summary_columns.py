@@ -2,13 +2,13 @@
 
 from typing import NamedTuple
 
-#: How a column combines values over time. Datasets divide a SUM, the integral over the mesh phase,
-#: by the recorded phase, and a COUNT of events by the number of recorded mesh periods.
+#: Ways in which a column combines values over time. Datasets divide a SUM, the integral over the
+#: mesh phase, by the recorded phase, and a COUNT of events by the number of recorded mesh periods.
 LARGEST, LEAST, SUM, COUNT = "largest", "least", "sum", "count"
 
 
 class Column(NamedTuple):
-    """A column of the summary table, a variable of datasets."""
+    """Column of the summary table, which is a variable of datasets."""
 
     name: str  #: name of the variable
     kind: str  #: LARGEST, LEAST, SUM or COUNT
@@ -18,12 +18,12 @@ class Column(NamedTuple):
 
     @property
     def long_name(self) -> str:
-        """The description, followed by the scale of dimensionless values if there is one."""
+        """The description, followed by the unit of dimensionless values, if any."""
         units = {"static_deflection": " in static deflections", "force_scale": " over load"}
         return self.description + units.get(self.scale, "")
 
 
-#: `gearlib.engines.orbit` names the indices of these columns.
+#: `gearlib.engines.orbit` has a constant for the index of each column.
 COLUMNS = (
     Column("displacement_max", LARGEST, "largest displacement", "static_deflection"),
     Column("displacement_min", LEAST, "smallest displacement", "static_deflection"),

@@ -210,7 +210,7 @@ class Side:
 
 
 class Contact:
-    """A contact with its fields in units; `side` maps contact codes, 1 and -1, to sides."""
+    """A contact with its fields in units; `side` maps contact states, 1 and -1, to sides."""
 
     def __init__(self, equations, contact):
         self.rate = contact["rate"]

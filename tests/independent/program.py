@@ -37,7 +37,7 @@ def cuts_of(equations, piece):
 
 
 def first_codes(equations, piece, state, middle):
-    """Return (contact codes of a start, sides on whose flank line it lies).
+    """Return (contact states of a start, sides on whose flank line it lies).
 
     On a flank line the motion decides: the side gets contact if the motion goes towards it.
     `middle` is a phase within the first step, see `Step`.
@@ -109,7 +109,7 @@ class Motion:
             #: by contact values among which are the extrema
             heights=[[] for _ in contacts],
             forces=[[] for _ in contacts],
-            #: of contact codes 1 (drive side), 0 and -1 (coast side), and of the lower stiffness
+            #: of contact states 1 (drive side), 0 and -1 (coast side), and of the lower stiffness
             durations=[[0, 0, 0, 0] for _ in contacts],
         )
         self.state, crossed = [equations.context.mpf(x) for x in state], None

@@ -11,7 +11,7 @@ from tests.independent.equations import sense, stiffness_series, wave_series
 
 
 class Step:
-    """The Taylor series of a motion from a state at the time t of a `Piece`, with contact codes.
+    """The Taylor series of a motion from a state at the time t of a `Piece`, with contact states.
 
     `middle` is a phase within the step, which decides on stiffness and sliding. `turned` says that
     the step starts at an extremum of the drive distance, where its rate is 0 up to rounding.

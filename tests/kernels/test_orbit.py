@@ -9,12 +9,12 @@ from gearlib.engines import orbit
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.linear.periods import EVENT_COLUMNS, EVENT_MESH, sort_last_event
 from gearlib.engines.matrices import propagate_perturbation
-from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
+from gearlib.engines.polynomial import WORKSPACE_ROWS, bernstein_matrix
 
 
 def test_a_summary_collects_extrema_times_and_events():
     """Add two parabolas, three durations and two events with known results."""
-    summary, work = np.empty(orbit.SUMMARY_COLUMNS), np.empty((WORK_ROWS, 4))
+    summary, work = np.empty(orbit.SUMMARY_COLUMNS), np.empty((WORKSPACE_ROWS, 4))
     orbit.clear_summary(summary)
     for shift in (1.0, -2.0):
         # The curve is s - s^2 + shift.

@@ -9,20 +9,20 @@ from scipy.linalg import expm
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.pair import contact_table, events, maps, motion, sampling, settling
-from gearlib.engines.pair.motion import cos_sin, decay
+from gearlib.engines.pair.motion import cos_sin, negative_exponential
 
 TUNING = 0.8
 #: Levels of stiffness that are underdamped, critically damped and overdamped.
-LEVELS = [motion.level_at_tuning(1.0, damping, TUNING) for damping in (0.05, 1.0, 1.7)]
+LEVELS = [motion.stiffness_level_at_tuning(1.0, damping, TUNING) for damping in (0.05, 1.0, 1.7)]
 STARTS = [(0.7, -1.5), (-0.4, 2.0), (1.2, 0.0), (-0.9, -0.3)]
 CASES = list(product(LEVELS, STARTS))
 #: A mesh from C_max, C_min, half the phase of C_max, phase of C_min, damping ratios and backlash.
-MESH = motion.mesh_at_tuning(np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.03, 1.4]), TUNING)
+MESH = motion.pair_constants_at_tuning(np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.03, 1.4]), TUNING)
 
 
 def test_elementary_functions_match_the_c_library():
     for z in (0.0, 1e-9, 0.34, 1.0, 17.3, 650.0):
-        assert decay(z) == pytest.approx(math.exp(-z), rel=5e-16)
+        assert negative_exponential(z) == pytest.approx(math.exp(-z), rel=5e-16)
         assert cos_sin(-z) == pytest.approx((math.cos(z), -math.sin(z)), abs=5e-16)
 
 
@@ -83,8 +83,11 @@ def test_a_free_flight_follows_its_equation_up_to_its_impact(drag, v):
 
 
 def marched(x, v):
-    """Return ((contact code, x, v) after a mesh period, arcs) of a motion from a state."""
-    arcs, contact = np.empty((60, events.ARC_COLUMNS)), motion.contact_of(MESH.backlash_ratio, x, v)
+    """Return ((contact state, x, v) after a mesh period, arcs) of a motion from a state."""
+    arcs, contact = (
+        np.empty((60, events.ARC_COLUMNS)),
+        motion.pair_contact_state(MESH.backlash_ratio, x, v),
+    )
     *end, count = events.march_period(MESH, contact, x, v, arcs, 60)
     return end, arcs[:count]
 

@@ -12,7 +12,7 @@ from gearlib.engines.linear.distances import restrict_to_start
 
 DEGREE = 20
 MATRIX = polynomial.bernstein_matrix(DEGREE)
-WORK = np.empty((polynomial.WORK_ROWS, DEGREE + 2))
+WORK = np.empty((polynomial.WORKSPACE_ROWS, DEGREE + 2))
 POINTS = np.linspace(0.0, 1.0, 21)
 
 
@@ -27,10 +27,10 @@ def test_bernstein_coefficients_restrict_and_halve_a_polynomial(n):
     """Compare the values of restricted and halved polynomials with the original."""
     powers = np.random.default_rng(n).normal(size=n + 1)
     curve, b, left = Polynomial(powers), np.empty(n + 1), np.empty(n + 1)
-    polynomial._to_bernstein(powers, polynomial.bernstein_matrix(n), b)
+    polynomial._convert_to_bernstein(powers, polynomial.bernstein_matrix(n), b)
     start, right = b.copy(), b.copy()
     restrict_to_start(start, 0.3, n)
-    polynomial.halve(right, left, np.empty(n + 1), n)
+    polynomial.split_in_half(right, left, np.empty(n + 1), n)
     for part, low, high in ((b, 0.0, 1.0), (start, 0.0, 0.3), (left, 0.0, 0.5), (right, 0.5, 1.0)):
         values = BPoly(part[:, None], [0.0, 1.0])(POINTS)
         np.testing.assert_allclose(values, curve(low + (high - low) * POINTS), atol=1e-12)

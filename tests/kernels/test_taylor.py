@@ -8,7 +8,7 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
+from gearlib.engines.polynomial import WORKSPACE_ROWS, bernstein_matrix
 from gearlib.engines.taylor import perturbations, propagator, series, teeth
 from gearlib.engines.taylor.series import DISPLACEMENT, MESH_FORCE, ORDER, VELOCITY
 from tests.properties.known_models import KNOWN
@@ -27,7 +27,7 @@ def waves(harmonics, phase):
 def equation_of(mesh, code, phase, x, v):
     """Return (mesh force, acceleration) by the equation in the docstring of `taylor.series`."""
     side = "coast_stiffness" if code == COAST else "stiffness"
-    value, slope = getattr(mesh, f"{side}_lines")[SEGMENT]
+    value, slope = getattr(mesh, f"{side}_segments")[SEGMENT]
     stiffness = value + slope * (phase - mesh.segment_bounds[SEGMENT])
     stiffness += waves(getattr(mesh, f"{side}_harmonics"), phase)
     g, (p2, p3) = (
@@ -98,7 +98,7 @@ def test_a_map_includes_the_jump_of_the_damping():
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_crossing_is_located_as_a_fraction_of_the_step(direction):
     """A crossing must be given as a fraction of the step: 0.6 / 0.8, or 2 if beyond the step."""
-    tables = bernstein_matrix(ORDER), np.empty((WORK_ROWS, ORDER + 2))
+    tables = bernstein_matrix(ORDER), np.empty((WORKSPACE_ROWS, ORDER + 2))
     terms = np.zeros((series.ROWS, ORDER + 1))
     terms[0, :3] = 0.5, direction * 0.3, -direction * 0.5  # the line is reached again at 0.6
     crossings = [
@@ -113,7 +113,10 @@ LAW = np.array([1.4, 0.3, -0.2, 0.2, -0.5, 0.4])
 
 def teeth_motion(x, v):
     """Return (law over time, series, (x, v) after a step, sum of terms beyond the square)."""
-    terms, law = np.zeros((series.ROWS + 1, ORDER + 1)), teeth._expand_law(LAW, 0.2, 1.0, 0.0)
+    terms, law = (
+        np.zeros((series.ROWS + 1, ORDER + 1)),
+        teeth._expand_linear_form(LAW, 0.2, 1.0, 0.0),
+    )
     load, load_rate, damping, scale = 1.5, 0.25, 0.1, 2.0
     equation = load, load_rate, damping, scale
     dx, dv, tail = teeth._expand_motion(law, *equation, x, v, STEP, 0.5, terms)
@@ -122,11 +125,11 @@ def teeth_motion(x, v):
 
 def test_a_force_law_over_time_matches_the_law_over_phase():
     """A polynomial in phase must have the same value after expansion in time."""
-    factor, offset = map(Polynomial, teeth._expand_law(LAW, 0.4, 0.9, -0.3))
+    factor, offset = map(Polynomial, teeth._expand_linear_form(LAW, 0.4, 0.9, -0.3))
     for time in (0.0, 0.6, 1.5):
         phase = 0.4 + 0.9 * time - 0.15 * time**2
         expected = Polynomial(LAW[:3])(phase) * 0.7 - Polynomial(LAW[3:])(phase)
-        assert teeth._law_value(LAW, phase, 0.7) == pytest.approx(expected, abs=1e-14)
+        assert teeth._evaluate_linear_form(LAW, phase, 0.7) == pytest.approx(expected, abs=1e-14)
         assert factor(time) * 0.7 - offset(time) == pytest.approx(expected, abs=1e-14)
 
 
@@ -137,7 +140,7 @@ def test_a_motion_of_tooth_pairs_satisfies_its_equation_and_its_map():
     assert end == pytest.approx([displacement(STEP), velocity(STEP)])
     assert tail == pytest.approx(np.abs(terms[DISPLACEMENT, 3:]) @ STEP ** np.arange(3, ORDER + 1))
     for t in (0.0, 0.3, STEP):
-        force = 2.0 * teeth._law_value(LAW, 0.2 + t, displacement(t))
+        force = 2.0 * teeth._evaluate_linear_form(LAW, 0.2 + t, displacement(t))
         acceleration = 1.5 + 0.25 * t - 0.1 * velocity(t) - force
         assert velocity.deriv()(t) == pytest.approx(acceleration, abs=1e-13)
         assert Polynomial(terms[MESH_FORCE])(t) == pytest.approx(force, abs=1e-13)
@@ -161,7 +164,7 @@ def test_tooth_pairs_touch_where_they_overlap():
     # The overlap of a pair is x minus its gap. Bits of a set are pairs, and 4 is the coast side.
     overlaps = np.zeros((4, 2, 6))
     overlaps[:, :, teeth.FACTOR], overlaps[:, :, teeth.OFFSET] = 1.0, (0.1, 0.3)
-    sets = [teeth.touching_set(overlaps, 3, -0.4, 0.0, x) for x in (-0.5, 0.0, 0.2, 0.4)]
-    assert sets == [4, 0, 1, 3] and teeth.touching_set(overlaps, 2, -0.4, 0.0, 0.4) == 2
-    codes = [teeth._contact_code_of(contact_set, 4) for contact_set in sets]
+    sets = [teeth.find_contact_mask(overlaps, 3, -0.4, 0.0, x) for x in (-0.5, 0.0, 0.2, 0.4)]
+    assert sets == [4, 0, 1, 3] and teeth.find_contact_mask(overlaps, 2, -0.4, 0.0, 0.4) == 2
+    codes = [teeth._contact_state_of_mask(contact_set, 4) for contact_set in sets]
     assert codes == [COAST, NO_CONTACT, DRIVE, DRIVE]

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gearlib
-from gearlib.engines.taylor.teeth import touching_set
+from gearlib.engines.taylor.teeth import find_contact_mask
 from gearlib.geometry import optimum_relief
 from gearlib.models import acceleration
 from tests.geometry.stages import fzg_c
@@ -181,7 +181,7 @@ def test_run_ups_of_tooth_pairs_match_scipy():
             """Return the derivatives of the state `z` over time, with the laws of interval `i`."""
             phase = (t - start) * (speed + 0.5 * rate * (t - start))
             overlaps, active = system.overlap_coefficients[i], system.active_pairs[i]
-            touching = touching_set(overlaps, active, system.coast_line, phase, z[0])
+            touching = find_contact_mask(overlaps, active, system.coast_line, phase, z[0])
             law, powers = system.force_coefficients[i, touching], phase ** np.arange(3)
             gap_rate = system.gap_rate[i] * (speed + rate * (t - start))
             damping = system.damping[int(touching > 0)] * (z[1] - gap_rate)

@@ -19,7 +19,7 @@ def motion(train, tuning, state, mode_cost, periods=2):
     `mode_cost` decides whether the engine computes modes of a combination or integrates by series.
     """
     propagator = train.propagator(tuning)
-    tables = propagator.take_tables()
+    tables = propagator.acquire_tables()
     tables.mode_cost[0] = mode_cost
     propagator.unused_tables[:] = [(propagator.system, tables)]
     z, size = np.array(state), train.size

@@ -6,9 +6,14 @@ import pytest
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
 from gearlib.engines.jit import kernel
 from gearlib.engines.pair.events import ARC_COLUMNS, march_period
-from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
-from gearlib.engines.pair.propagator import ratios
-from gearlib.engines.pair.whole_periods import advance_periods, new_work, set_mesh, set_start
+from gearlib.engines.pair.motion import pair_constants_at_tuning, pair_contact_state
+from gearlib.engines.pair.propagator import dimensionless_parameters
+from gearlib.engines.pair.whole_periods import (
+    advance_periods,
+    allocate_workspace,
+    prepare_run,
+    prepare_workspace,
+)
 from tests.geometry.stages import own
 from tests.paper import PAPER_PAIR
 from tests.physics.test_random_meshes import random_mesh
@@ -24,7 +29,7 @@ FOLD, AT_FOLD = 0.81685037334556, (-0.16062993275504864, -0.3277925734167014)
 def event_by_event(mesh, x, v, periods):
     """Return (contact, x, v) after a number of mesh periods computed from event to event."""
     no_arcs = np.empty((0, ARC_COLUMNS))
-    contact = contact_of(mesh.backlash_ratio, x, v)
+    contact = pair_contact_state(mesh.backlash_ratio, x, v)
     for _ in range(periods):
         contact, x, v, _ = march_period(mesh, contact, x, v, no_arcs, MAX_ARCS)
     return contact, x, v
@@ -33,11 +38,11 @@ def event_by_event(mesh, x, v, periods):
 @kernel
 def whole_periods(mesh, x, v, periods):
     """Return (contact, x, v, arcs in the last period) after mesh periods computed as a whole."""
-    work, no_arcs = new_work(), np.empty((0, ARC_COLUMNS))
-    set_mesh(work, mesh)
-    set_start(work, x, v)
-    contact = contact_of(mesh.backlash_ratio, x, v)
-    return advance_periods(mesh, work, 0, contact, x, v, periods, MAX_ARCS, no_arcs)
+    workspace, no_arcs = allocate_workspace(), np.empty((0, ARC_COLUMNS))
+    prepare_workspace(workspace, mesh)
+    prepare_run(workspace, x, v)
+    contact = pair_contact_state(mesh.backlash_ratio, x, v)
+    return advance_periods(mesh, workspace, 0, contact, x, v, periods, MAX_ARCS, no_arcs)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -46,7 +51,9 @@ def test_whole_period_steps_match_events_one_by_one(seed):
     rng, periods = np.random.default_rng(seed), 8
     for _ in range(2000):
         values, tuning, (x, v) = random_mesh(rng)
-        mesh = mesh_at_tuning(ratios(GearPair.from_ratios(**values)), tuning)
+        mesh = pair_constants_at_tuning(
+            dimensionless_parameters(GearPair.from_ratios(**values)), tuning
+        )
         _, *end, arcs = whole_periods(mesh, x, v, periods)
         exact = np.array(event_by_event(mesh, x, v, periods)[1:])
         # Starts moved by one part in 1e13, a thousand roundings, show how far rounding changes this
@@ -67,7 +74,9 @@ def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
     tuning, creeping_runs = FOLD + distance, 0
     for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
         run = simulate(pair, tuning, periods=periods, initial_state=AT_FOLD)
-        _, *exact, _ = whole_periods(mesh_at_tuning(ratios(pair), tuning), *AT_FOLD, periods)
+        _, *exact, _ = whole_periods(
+            pair_constants_at_tuning(dimensionless_parameters(pair), tuning), *AT_FOLD, periods
+        )
         x, v = run.final_state.values
         assert abs(x - exact[0]) + abs(v - exact[1]) < 1e-12
         assert int(run.period) == 0 or x > 0.28

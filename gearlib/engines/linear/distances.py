@@ -1,11 +1,12 @@
-"""Distances of meshes from their flank lines along a piece: bounds and first crossings.
+"""Distances of meshes from their flank lines over an interval of time: bounds and first crossings.
 
-The amplitudes of the modes bound a distance until a contact changes. In most cases this proves that
-no line is reached. Otherwise the distance is a polynomial in Bernstein form, whose first fall
-through zero is isolated without sampling. In all functions `tables` are the `Modes` of a run,
-`work` is its `RunStorage`, `constants` are its `RunConstants`, and a `combination` of contacts is a
-row of `tables`, or SERIES. Contact codes are DRIVE 1 (drive side), NO_CONTACT 0, COAST -1 (coast
-side).
+A flank line is the displacement at which the flanks of a mesh just touch. The amplitudes of the
+modes bound a distance until a contact changes, which in most cases proves that no flank line is
+reached. Otherwise the distance is a polynomial in Bernstein form, whose first downward zero
+crossing is isolated without sampling. In all functions `tables` are the `ModeTables` of a run,
+`run` is its `RunState`, `constants` are its `RunConstants`, and `combination` is the row
+of `tables` for the present contacts, or SERIES. Contact states are DRIVE 1, NO_CONTACT 0 and COAST
+-1.
 """
 
 import math
@@ -19,17 +20,17 @@ from gearlib.engines.polynomial import BINOMIALS, first_bernstein_crossing
 
 #: Largest rounding error of a distance, as a fraction of the sum of its terms' magnitudes.
 _ROUNDING = 1e-15
-#: Codes in place of an instant: there is no event, or rounding hides whether there is one.
-_NO_EVENT, _HIDDEN_EVENT = 2.0, -1.0
+#: Values in place of an instant: there is no event, or rounding decides whether there is one.
+_NO_EVENT, _UNCERTAIN_EVENT = 2.0, -1.0
 
 
 @inlined_without_refcounts
 def fill_amplitudes(tables, combination, y, amplitudes):
     """Fill `amplitudes` with the magnitudes of the modes in a modal state; return their number.
 
-    y holds the state in modal coordinates: two entries for each oscillating pair of modes, then one
-    for each real (exponentially decaying) mode. The row `combination` of the mode tables `tables`
-    (`Modes`), which belongs to the present contacts of the meshes, holds the numbers of both.
+    y is the state in modal coordinates: two entries per oscillating pair of modes, then one per
+    real (exponentially decaying) mode. `combination` is the row of the mode tables `tables`
+    (`ModeTables`) for the present contacts.
     """
     pair_count = tables.pair_counts[combination]
     for k in range(pair_count):
@@ -41,36 +42,37 @@ def fill_amplitudes(tables, combination, y, amplitudes):
 
 
 @inlined_without_refcounts
-def _can_reach(constants, j, contact_code, line):
+def _can_reach(constants, j, contact_state, line):
     """Return whether mesh j can reach a flank line, the displacement at which its flanks touch.
 
-    `line` is 1 for the drive-side and -1 for the coast-side line; `contact_code` is 1 or -1 in
-    contact on that side and 0 without contact. A mesh in contact on one side reaches the line of
-    the other side only if its backlash may vanish (`constants.may_jam`). A mesh with
-    `constants.no_coast_side` has no coast-side line.
+    `line` is DRIVE (1) or COAST (-1), the side of the flank line; `contact_state` is the contact
+    state of the mesh. A mesh in contact on one side can reach the line of the other side only if
+    its backlash may vanish (``constants.may_jam``). A mesh without a coast side
+    (``constants.no_coast_side``) has no coast-side line.
     """
-    may_reach_other_side = contact_code != -line or constants.may_jam[j]
+    may_reach_other_side = contact_state != -line or constants.may_jam[j]
     return may_reach_other_side and not (line == -1 and constants.no_coast_side[j])
 
 
 @inlined_without_refcounts
-def _distance_sign(contact_code, line):
-    """Return the sign, 1 or -1, of the displacement of a mesh from a flank line.
+def _distance_sign(contact_state, line):
+    """Return the sign, 1 or -1, of the displacement of a mesh relative to a flank line.
 
-    `line` is 1 for the drive-side and -1 for the coast-side line, the displacements at which the
-    flanks touch. A mesh is above the drive-side line only in drive-side contact, and below the
-    coast-side line only in coast-side contact; `contact_code` is DRIVE, COAST or NO_CONTACT.
+    `line` is DRIVE (1) or COAST (-1), the side of the flank line, where the flanks just touch. The
+    mesh is above the drive-side line only in drive-side contact and below the coast-side line only
+    in coast-side contact; `contact_state` is DRIVE, COAST or NO_CONTACT.
     """
     if line == 1:
-        return 1.0 if contact_code == DRIVE else -1.0
-    return -1.0 if contact_code == COAST else 1.0
+        return 1.0 if contact_state == DRIVE else -1.0
+    return -1.0 if contact_state == COAST else 1.0
 
 
 @inlined_without_refcounts
-def _dot_of_first(a, b, count):
-    """Return the scalar product of the first `count` entries of the vectors a and b.
+def _partial_dot(a, b, count):
+    """Return the scalar product of the first `count` entries of a and b.
 
-    Four partial sums do not wait for each other, so that the processor adds them in parallel.
+    The four partial sums are independent of each other, so that the processor computes them in
+    parallel.
     """
     sum_0, sum_1, sum_2, sum_3 = 0.0, 0.0, 0.0, 0.0
     k = 0
@@ -87,47 +89,47 @@ def _dot_of_first(a, b, count):
 
 
 @inlined_without_refcounts
-def distance_amplitude(tables, combination, side, j, work, count):
-    """Return a bound on the oscillation of mesh j's distance from a flank line about its mean.
+def distance_amplitude(tables, combination, side, j, run, count):
+    """Return a bound on the deviation of mesh j's flank distance from its constant part.
 
-    The flank line is the displacement at which the flanks touch; `side` is 0 for the coast and 1
-    for the drive side. Each mode adds its magnitude, one of the first `count` entries of
-    ``work.amplitudes``, times its share in the distance. The shares stand in the mode tables
-    `tables`, whose row `combination` belongs to the present contacts. The bound includes rounding.
+    The flank distance is the distance from the flank line on a `side`, 0 for the coast side and 1
+    for the drive side. Each mode contributes its magnitude, one of the first `count` entries of
+    ``run.amplitudes``, times its factor in row `combination` of the mode tables `tables`. The
+    bound includes rounding.
     """
     factors = tables.mode_amplitude_factors[combination, side, j]
-    amplitude = _dot_of_first(factors, work.amplitudes, count)
+    amplitude = _partial_dot(factors, run.amplitudes, count)
     return amplitude + _ROUNDING * (amplitude + abs(tables.constant_distance[combination, side, j]))
 
 
 @inlined_without_refcounts
-def stays_off_lines(tables, combination, j, constants, work, count):
-    """Return whether mesh j provably reaches no flank line until a contact changes.
+def stays_clear_of_lines(tables, combination, j, constants, run, count):
+    """Return whether mesh j provably reaches no flank line before the next change of contact.
 
-    A flank line is the displacement at which the flanks touch. The mesh stays off it if the
-    constant part of its distance exceeds the sum of the oscillations of all modes, whose magnitudes
-    are the first `count` entries of ``work.amplitudes``. `combination` is the row of the mode
-    tables `tables` for the present contacts. If it is SERIES, there are no modes; then the Taylor
-    series of the distance in `work` is bounded, which holds for one step. `constants`
-    (`RunConstants`) have flags of the meshes.
+    A flank line is the displacement at which the flanks just touch. The mesh stays clear of it if
+    the constant part of its distance exceeds the sum of the contributions of all modes, whose
+    magnitudes are the first `count` entries of ``run.amplitudes``. `combination` is the row
+    of the mode tables `tables` for the present contacts. If it is SERIES, the Taylor series of the
+    distance is bounded instead, and the result holds for one step. `constants` (`RunConstants`) has
+    the flags of the meshes.
     """
-    amplitude, code = 0.0, work.contact[j]
+    amplitude, code = 0.0, run.contact[j]
     for line in (1, -1):
         if not _can_reach(constants, j, code, line):
             continue
         side = (line + 1) // 2
         if combination == SERIES:
-            sign, degree = _distance_sign(code, line), work.to_bernstein.shape[0] - 1
-            if series_may_reach_zero(work.distance_series[side, j], sign, degree):
+            sign, degree = _distance_sign(code, line), run.to_bernstein.shape[0] - 1
+            if series_may_reach_zero(run.distance_series[side, j], sign, degree):
                 return False
             continue
         if not tables.is_bounded[combination, side, j]:
             return False
-        # With a constant gap both distances have the same amplitude, which is then known from the
-        # drive side unless the loop has skipped that, with the coast side in contact.
+        # If the gap is constant, both distances have the same amplitude. It is already computed
+        # unless coast-side contact has made the loop skip the drive side.
         if line == 1 or code == COAST or not constants.constant_gap[j]:
             factors = tables.mode_amplitude_factors[combination, side, j]
-            amplitude = _dot_of_first(factors, work.amplitudes, count)
+            amplitude = _partial_dot(factors, run.amplitudes, count)
         center = tables.constant_distance[combination, side, j]
         if not _distance_sign(code, line) * center > amplitude + _ROUNDING * abs(center):
             return False
@@ -135,58 +137,60 @@ def stays_off_lines(tables, combination, j, constants, work, count):
 
 
 @inlined_without_refcounts
-def fill_curve(curves, y, bernstein):
-    """Fill `bernstein`, (degree + 1,), with the Bernstein coefficients of a mesh's flank distance.
+def fill_distance_polynomial(polynomials, y, polynomial):
+    """Fill `polynomial`, (degree + 1,), with the Bernstein coefficients of a flank distance.
 
-    The distance of a mesh from its flank line is a polynomial of time over a short step, with the
-    coefficients y @ curves. y, shape (n,), is the state in modal coordinates at the start of the
-    step, or the Taylor series of the distance. Row i of `curves`, (n, degree + 1), is the part due
-    to y[i].
+    Over a short interval of time, the distance of a mesh from its flank line is a polynomial with
+    the coefficients y @ polynomials. y, shape (n,), is the modal state at the start of the interval
+    or the Taylor series of the distance. Row i of `polynomials`, (n, degree + 1), is the
+    contribution of a unit of y[i].
     """
-    # Only two degrees occur. Written as constants, they let the compiler unroll the loops.
-    if bernstein.shape[0] == LOW_DEGREE + 1:
-        fill_product(curves, y, bernstein, LOW_DEGREE + 1)
+    # Constant degrees let the compiler unroll the loops; only two degrees occur.
+    if polynomial.shape[0] == LOW_DEGREE + 1:
+        fill_product(polynomials, y, polynomial, LOW_DEGREE + 1)
     else:
-        fill_product(curves, y, bernstein, HIGH_DEGREE + 1)
+        fill_product(polynomials, y, polynomial, HIGH_DEGREE + 1)
 
 
 @inlined_without_refcounts
-def _fill_signed_distance(curve, offset, sign, b, count):
-    """Fill b with `count` entries of sign * (curve + offset) and return the smallest of them.
+def _fill_signed_distance(polynomial, offset, sign, b, count):
+    """Fill b with `count` entries of sign * (polynomial + offset) and return the smallest entry.
 
-    `curve` holds the Bernstein coefficients of a flank distance. If all signed coefficients are
+    `polynomial` holds the Bernstein coefficients of a flank distance. If all entries of b are
     positive, the distance has no zero.
     """
-    lowest = math.inf
+    smallest = math.inf
     for k in range(count):
-        b[k] = sign * (curve[k] + offset)
-        lowest = min(lowest, b[k])
-    return lowest
+        b[k] = sign * (polynomial[k] + offset)
+        smallest = min(smallest, b[k])
+    return smallest
 
 
 @kernel_without_refcounts
-def distance_rounding(curves, y):
-    """Return a bound on the rounding error of a flank distance, of coefficients y @ curves.
+def distance_rounding(polynomials, y):
+    """Return a bound on the rounding error of a flank distance with coefficients y @ polynomials.
 
-    y, shape (n,), is the state in modal coordinates or the Taylor series of the distance, and row i
-    of `curves`, (n, degree + 1), is the part of the coefficients due to y[i]. The bound is a small
-    fraction of the sum of the magnitudes of these parts.
+    y, shape (n,), is the modal state or the Taylor series of the distance. Row i of `polynomials`,
+    (n, degree + 1), holds the Bernstein coefficients due to a unit of y[i]. The bound is a small
+    fraction of the sum of the magnitudes of all contributions.
     """
-    magnitude, last = 0.0, curves.shape[1] - 1
+    magnitude, degree = 0.0, polynomials.shape[1] - 1
     # A polynomial covers at most about one oscillation of a mode, so its first, middle and last
     # coefficients show how large it is.
-    for i in range(curves.shape[0]):
-        largest = max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2]))
+    for i in range(polynomials.shape[0]):
+        largest = max(
+            abs(polynomials[i, 0]), abs(polynomials[i, degree]), abs(polynomials[i, degree // 2])
+        )
         magnitude += largest * abs(y[i])
     return _ROUNDING * magnitude
 
 
 @kernel_without_refcounts
 def restrict_to_start(b, fraction, n):
-    """Replace the Bernstein coefficients b on [0, 1] by the coefficients on [0, fraction].
+    """Replace Bernstein coefficients b on [0, 1] by the coefficients on [0, fraction], in place.
 
-    b has n + 1 entries, of a polynomial of degree n, and changes in place. This is de Casteljau's
-    scheme: weighted means of neighbouring coefficients, n times.
+    b has n + 1 entries for a polynomial of degree n. De Casteljau's algorithm replaces neighbouring
+    coefficients by their weighted means, n times.
     """
     if fraction == 1.0:
         return
@@ -197,12 +201,11 @@ def restrict_to_start(b, fraction, n):
 
 @kernel_without_refcounts
 def _falls_from_rest(b, order, rounding):
-    """Return whether a distance that starts at zero with zero slope decreases from there.
+    """Return whether a distance that starts at zero with zero slope decreases at first.
 
-    At the start all derivatives of lower order than `order` are zero, so that the sign of the
-    derivative of this order decides. Up to a positive factor it is an alternating sum of the
-    distance's Bernstein coefficients b with binomial weights. `rounding` is the rounding error of a
-    coefficient.
+    All derivatives below `order` are zero at the start, so the sign of the derivative of this order
+    decides. Up to a positive factor, it is an alternating sum of the Bernstein coefficients b of
+    the distance with binomial weights. `rounding` is the rounding error of a coefficient.
     """
     derivative, weight_sum = 0.0, 0.0
     for i in range(order + 1):
@@ -213,65 +216,69 @@ def _falls_from_rest(b, order, rounding):
 
 
 @inlined_without_refcounts
-def find_first_events(tables, combination, constants, work, end):
-    """Find the first crossing of a flank line by each mesh; return the instant of the earliest.
+def find_first_events(tables, combination, constants, run, end):
+    """Find the first crossing of a flank line by each mesh; return the instant of the earliest one.
 
-    Instants are fractions of the piece of time over which the polynomials of the distances hold;
-    the search stops at `end`. The result is 2 if there is no crossing and -1 if rounding hides
-    whether there is one. `combination` is a row of `tables` (`Modes`), or SERIES. The fields
-    event_instant, contact_after and instant_rounding of `work` (`RunStorage`) are filled. There,
-    zero_order is k > 0 if a mesh starts on the line start_line with k zero derivatives of its
-    distance, counting the distance itself, and stays_off whether it provably reaches no line.
+    Instants are fractions of the interval over which the distance polynomials hold; the search ends
+    at `end`. The result is 2 if there is no crossing and -1 if rounding decides whether there is
+    one. `combination` is the row of `tables` (`ModeTables`) for the present contacts, or SERIES.
+    The arrays event_instant, contact_after and instant_rounding of `run` (`RunState`) are
+    filled. Its array zero_order is k > 0 if a mesh starts on the flank line `start_line` and the
+    distance has a zero of order k there; stays_clear says whether a mesh provably reaches no flank
+    line.
     """
-    earliest, curve, b = _NO_EVENT, work.curve, work.search[0]
-    for j in range(work.contact.shape[0]):
-        work.event_instant[j], code = _NO_EVENT, work.contact[j]
-        if work.stays_off[j] and work.zero_order[j] == 0:
+    earliest, polynomial, b = _NO_EVENT, run.polynomial, run.search[0]
+    for j in range(run.contact.shape[0]):
+        run.event_instant[j], contact = _NO_EVENT, run.contact[j]
+        if run.stays_clear[j] and run.zero_order[j] == 0:
             continue
-        curve_is_filled = False
+        is_filled = False
         for line in (1, -1):
-            if not _can_reach(constants, j, code, line):
+            if not _can_reach(constants, j, contact, line):
                 continue
-            curves, y, offset, rounding = work.to_bernstein, work.distance_series[0, 0], 0.0, 0.0
+            polynomials, y = run.to_bernstein, run.distance_series[0, 0]
+            offset, rounding = 0.0, 0.0
             if combination == SERIES:
-                y = work.distance_series[(line + 1) // 2, j]
+                y = run.distance_series[(line + 1) // 2, j]
                 # The entry after the coefficients scales the rounding error, see
                 # `fill_distance_series`.
-                rounding = _ROUNDING * y[curves.shape[0]]
+                rounding = _ROUNDING * y[polynomials.shape[0]]
             else:
-                curves, y = tables.curves[combination, (line + 1) // 2, j], work.modal_state
-            if curve_is_filled and constants.constant_gap[j] and combination != SERIES:
+                polynomials = tables.distance_polynomials[combination, (line + 1) // 2, j]
+                y = run.modal_state
+            if is_filled and constants.constant_gap[j] and combination != SERIES:
                 offset = (
                     tables.constant_distance[combination, 0, j]
                     - tables.constant_distance[combination, 1, j]
                 )
             else:
-                fill_curve(curves, y, curve)
-            curve_is_filled = True
-            sign = _distance_sign(code, line)
-            if curve.shape[0] == LOW_DEGREE + 1:
-                lowest = _fill_signed_distance(curve, offset, sign, b, LOW_DEGREE + 1)
+                fill_distance_polynomial(polynomials, y, polynomial)
+            is_filled = True
+            sign = _distance_sign(contact, line)
+            if polynomial.shape[0] == LOW_DEGREE + 1:
+                smallest = _fill_signed_distance(polynomial, offset, sign, b, LOW_DEGREE + 1)
             else:
-                lowest = _fill_signed_distance(curve, offset, sign, b, HIGH_DEGREE + 1)
-            zero_count = work.zero_order[j] if work.start_line[j] == line else 0
-            if lowest > 0.0 and zero_count == 0:
+                smallest = _fill_signed_distance(polynomial, offset, sign, b, HIGH_DEGREE + 1)
+            zero_count = run.zero_order[j] if run.start_line[j] == line else 0
+            if smallest > 0.0 and zero_count == 0:
                 continue
-            rounding += distance_rounding(curves, y)
+            rounding += distance_rounding(polynomials, y)
             if (
                 zero_count == 0
-                and work.zero_order[j] > 1
+                and run.zero_order[j] > 1
                 and not constants.has_backlash[j]
-                and _falls_from_rest(b, work.zero_order[j], rounding)
+                and _falls_from_rest(b, run.zero_order[j], rounding)
             ):
                 instant, instant_rounding = 0.0, 0.0
             else:
                 instant, instant_rounding = first_bernstein_crossing(
-                    work.search, zero_count, end, rounding
+                    run.search, zero_count, end, rounding
                 )
             if instant < 0.0:
-                return _HIDDEN_EVENT
-            if instant < work.event_instant[j]:
-                work.event_instant[j], work.instant_rounding[j] = instant, instant_rounding
-                work.contact_after[j] = next_contact(code, line)
-        earliest = min(earliest, work.event_instant[j])
+                return _UNCERTAIN_EVENT
+            if instant < run.event_instant[j]:
+                run.event_instant[j] = instant
+                run.instant_rounding[j] = instant_rounding
+                run.contact_after[j] = next_contact(contact, line)
+        earliest = min(earliest, run.event_instant[j])
     return earliest

@@ -1,15 +1,19 @@
-"""One mesh period of a gear train, from event to event of all meshes.
+"""One mesh period of a gear train, from contact event to contact event.
 
-The modes of the present combination of contacts move the state up to the next switch of a
-stiffness or the next crossing of a flank line by any mesh. Crossings of several meshes within their
-rounding count as simultaneous: their saltation matrices commute, so that the order does not matter
+The modes of the present combination of contacts advance the state to the next stiffness switch or
+to the next crossing of a flank line by any mesh. Crossings of several meshes that coincide within
+rounding count as simultaneous. Their saltation matrices commute, so that the order does not matter
 (`docs/theory/trains.md`).
 """
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import BOTH, DRIVE, EVENT_LIMIT, JAMMED, OK, UNRESOLVED
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
-from gearlib.engines.linear.distances import fill_amplitudes, find_first_events, stays_off_lines
+from gearlib.engines.linear.distances import (
+    fill_amplitudes,
+    find_first_events,
+    stays_clear_of_lines,
+)
 from gearlib.engines.linear.modal_arcs import (
     advance_modes,
     apply_stored_matrix,
@@ -34,75 +38,77 @@ from gearlib.engines.linear.train_system import (
     dot,
 )
 
-#: Largest time between simultaneous crossings, as a fraction of a piece. The bound is needed near
-#: grazing, where the rounding of an instant has no bound.
+#: Largest time between simultaneous crossings, as a fraction of an interval of the distance
+#: polynomials. It is needed near grazing, where the rounding error of an instant is unbounded.
 _MAX_SIMULTANEOUS_STEP = 1e-13
 #: Rounding error of the states of equal meshes, as a multiple of the rounding error of a distance.
 _STATE_ROUNDING = 8.0
-#: Requests to the caller in place of a status: the tables lack the modes of the combination
-#: `RunStorage.effects`, the event table is full, the system has no further segments.
+#: Requests to the caller in place of a status: the mode tables lack the combination
+#: `RunState.force_indices`, the event table is full, the system has no further segments.
 COMBINATION_MISSING, EVENTS_FULL, SEGMENTS_MISSING = -1, -2, -3
 
-#: The event table has the columns of `orbit` and then the number of the mesh.
+#: The event table has the columns of `orbit`, followed by the index of the mesh.
 EVENT_MESH = orbit.EVENT_COLUMNS
 EVENT_COLUMNS = orbit.EVENT_COLUMNS + 1
 
 
 @inlined_without_refcounts
-def _cross_flank_line(system, constants, work, j, segment, vectors):
-    """Change the contact of mesh j, which has reached a flank line, in `work` (`RunStorage`).
+def _cross_flank_line(system, constants, run, j, segment, perturbations):
+    """Change the contact state of mesh j, which has reached a flank line, in `run`.
 
-    The flank line is the displacement at which the flanks touch. Small perturbations of the state,
-    the rows of `vectors`, shape (k, n or more), jump: they are multiplied by the saltation matrix.
-    `segment` is the index of the present segment of constant stiffness in the `TrainSystem`
-    `system`; `constants` (`RunConstants`) hold the rates of the flank distances.
+    The flank line is the displacement at which the flanks just touch. Small perturbations of the
+    state, the rows of `perturbations`, shape (k, n or more), are multiplied by the saltation
+    matrix. `segment` is the index of the present stiffness segment in the `TrainSystem` `system`.
+    `constants` (`RunConstants`) holds the row vectors of the rates of the flank distances.
     """
-    n = system.drive_lines.shape[1]
-    # Only at the drive-side line is the contact before or after on the drive side.
-    line = 1 if DRIVE in (work.contact[j], work.contact_after[j]) else -1
-    work.start_line[j] = line
-    if vectors.shape[0] > 0:
-        line_rates = constants.drive_rates if line == 1 else constants.coast_rates
-        lines = system.drive_lines if line == 1 else system.coast_lines
+    n = system.drive_distance_rows.shape[1]
+    # A crossing of the drive-side line starts or ends drive-side contact.
+    line = 1 if DRIVE in (run.contact[j], run.contact_after[j]) else -1
+    run.start_line[j] = line
+    if perturbations.shape[0] > 0:
+        velocity_rows = (
+            constants.drive_velocity_rows if line == 1 else constants.coast_velocity_rows
+        )
+        distance_rows = system.drive_distance_rows if line == 1 else system.coast_distance_rows
         speed = 0.0
         for r in range(n):
-            speed += line_rates[j, r] * work.state[r]
-        effect_before = system.effect[work.contact[j] + 1, segment, j]
-        effect_after = system.effect[work.contact_after[j] + 1, segment, j]
+            speed += velocity_rows[j, r] * run.state[r]
+        force_index_before = system.force_index[run.contact[j] + 1, segment, j]
+        force_index_after = system.force_index[run.contact_after[j] + 1, segment, j]
         for r in range(n):
-            work.term[r] = 0.0
-        # The jump of dz/dtheta by both forces of the mesh, the mesh force and the friction.
+            run.term[r] = 0.0
+        # The mesh force and the friction of the mesh make dz/dtheta jump.
         for k in range(2):
             force_after, force_before = 0.0, 0.0
             for r in range(n):
-                force_after += system.force_output[j, effect_after, k, r] * work.state[r]
-                force_before += system.force_output[j, effect_before, k, r] * work.state[r]
+                force_after += system.force_output[j, force_index_after, k, r] * run.state[r]
+                force_before += system.force_output[j, force_index_before, k, r] * run.state[r]
             for r in range(n):
-                work.term[r] += (
-                    system.force_input[j, effect_after, k, r] * force_after
-                    - system.force_input[j, effect_before, k, r] * force_before
+                run.term[r] += (
+                    system.force_input[j, force_index_after, k, r] * force_after
+                    - system.force_input[j, force_index_before, k, r] * force_before
                 )
-        # The saltation matrix of a tangential crossing is the identity: no force jumps.
-        for i in range(vectors.shape[0] if speed != 0.0 else 0):
-            # A perturbed motion reaches the line earlier by the time (distance / speed).
+        # The saltation matrix of a tangential crossing is the identity, because no force jumps.
+        for i in range(perturbations.shape[0] if speed != 0.0 else 0):
+            # A perturbed motion reaches the line earlier by its distance over the speed.
             time_shift = 0.0
             for r in range(n):
-                time_shift += lines[j, r] * vectors[i, r]
+                time_shift += distance_rows[j, r] * perturbations[i, r]
             time_shift /= speed
             for r in range(n):
-                vectors[i, r] += work.term[r] * time_shift
-    # The mesh starts on the line: its distance is zero, but not the derivative of the distance.
-    work.zero_order[j] = 1
-    work.contact[j] = work.contact_after[j]
+                perturbations[i, r] += run.term[r] * time_shift
+    # The mesh starts on the line with a simple zero of its distance.
+    run.zero_order[j] = 1
+    run.contact[j] = run.contact_after[j]
 
 
 @kernel_without_refcounts
 def sort_last_event(events, row, first_row):
-    """Move the last event of an event table up among events at the same phase, by mesh number.
+    """Move the last event of the event table up among events at the same phase, by mesh index.
 
-    The event stands in `row`, and it moves at most to `first_row`, the first row of the mesh
-    period. So the order of simultaneous events does not depend on the order in which they were
-    found. The columns of `events` are EVENT_PHASE, EVENT_MESH and others.
+    The event is in `row` and moves up to `first_row` at most, the first row of the mesh period. The
+    order of simultaneous events then does not depend on the order in which they were found.
+    `events` has the columns of `orbit` and EVENT_MESH.
     """
     while (
         row > first_row
@@ -116,92 +122,113 @@ def sort_last_event(events, row, first_row):
 
 @inlined_without_refcounts
 def run_period(
-    system, constants, tables, work, number, max_events, vectors, recorded, summary, samples, events
+    system,
+    constants,
+    tables,
+    run,
+    mesh_period,
+    max_events,
+    perturbations,
+    is_recorded,
+    summary,
+    samples,
+    events,
 ):
     """Run through one mesh period from contact event to contact event; return a status.
 
-    The state in `work` (`RunStorage`), and small perturbations of it, `vectors`, shape (k, n or
-    more), change in place. `number` is the index of the mesh period in the excitation, `max_events`
-    the largest number of its events. If `recorded`, the `summary` with a row for each mesh, the
-    `samples`, see `sampling.sample_motion`, and the `events`, shape (k, 6), are filled; an event
-    table without rows stays empty. The status COMBINATION_MISSING asks for the modes of
-    ``work.effects`` in `tables` (`Modes`), EVENTS_FULL for a larger event table; the next call
-    continues from there.
+    The state in `run` (`RunState`) and its small perturbations `perturbations`, shape (k,
+    n or more), change in place. `mesh_period` is the index of the period in the excitation period;
+    it has at most `max_events` events. If `is_recorded`, three tables are filled: `summary`, with a
+    row per mesh, `samples`, see `sampling.sample_motion`, and `events`, shape (k, 6), unless k = 0.
+    The status COMBINATION_MISSING requests the modes of ``run.force_indices`` in `tables`
+    (`ModeTables`), EVENTS_FULL a larger event table; the next call continues from there.
     """
-    (m, n), phase, piece = system.drive_lines.shape, 0.0, 0.0
-    first_segment, end_segment = system.first_segment[number], system.first_segment[number + 1]
-    if work.counters[SEGMENT] < 0:
-        work.counters[SEGMENT], work.counters[PERIOD_EVENTS] = first_segment, 0
-        work.counters[FIRST_EVENT_ROW] = work.counters[EVENT_ROWS]
-        work.counters[SAMPLES_TAKEN] = 0
-        work.progress[0] = constants.lengths[first_segment]
-        work.progress[1] = 0.0
+    (m, n), phase, interval = system.drive_distance_rows.shape, 0.0, 0.0
+    first_segment = system.first_segment[mesh_period]
+    end_segment = system.first_segment[mesh_period + 1]
+    if run.counters[SEGMENT] < 0:
+        run.counters[SEGMENT], run.counters[PERIOD_EVENTS] = first_segment, 0
+        run.counters[FIRST_EVENT_ROW] = run.counters[EVENT_ROWS]
+        run.counters[SAMPLES_TAKEN] = 0
+        run.progress[0] = constants.lengths[first_segment]
+        run.progress[1] = 0.0
         if constants.sample_starts.shape[0] == 0:
             orbit.fill_sample_phases(
                 samples, n + m, system.starts[end_segment] - system.starts[first_segment]
             )
-    while work.counters[SEGMENT] < end_segment:
-        segment, combination, remaining = work.counters[SEGMENT], -1, work.progress[0]
+    while run.counters[SEGMENT] < end_segment:
+        segment, combination, remaining = run.counters[SEGMENT], -1, run.progress[0]
         while remaining > 0.0:
             if combination < 0:
                 for j in range(m):
-                    work.effects[j] = system.effect[work.contact[j] + 1, segment, j]
-                    work.stays_off[j] = False
-                slot = find_slot(tables.hash_slots, tables.keys, work.effects)
+                    run.force_indices[j] = system.force_index[run.contact[j] + 1, segment, j]
+                    run.stays_clear[j] = False
+                slot = find_slot(tables.hash_slots, tables.keys, run.force_indices)
                 combination = tables.hash_slots[slot]
                 if combination < 0 and tables.series_steps[slot] < tables.mode_cost[0]:
                     combination = SERIES
-                events_are_full = recorded and 0 < events.shape[0] < work.counters[EVENT_ROWS] + m
+                events_are_full = is_recorded and 0 < events.shape[0] < run.counters[EVENT_ROWS] + m
                 if combination == -1 or events_are_full:
-                    work.progress[0] = remaining
+                    run.progress[0] = remaining
                     return COMBINATION_MISSING if combination == -1 else EVENTS_FULL
                 if combination == SERIES:
-                    tables.series_steps[slot] += 1 + vectors.shape[0]
-                    piece = fill_taylor_series(
-                        system, constants, work.effects, work.state, work.series
+                    tables.series_steps[slot] += 1 + perturbations.shape[0]
+                    interval = fill_taylor_series(
+                        system, constants, run.force_indices, run.state, run.series
                     )
-                    fill_distance_series(system, constants, work.series, work.distance_series)
+                    fill_distance_series(system, constants, run.series, run.distance_series)
                 else:
-                    piece = tables.piece_lengths[combination]
-                    apply_stored_matrix(tables.to_modes, combination, work.state, work.modal_state)
-            mode_count, all_stay_off = 0, True
+                    interval = tables.interval_lengths[combination]
+                    apply_stored_matrix(tables.to_modes, combination, run.state, run.modal_state)
+            mode_count, all_stay_clear = 0, True
             if combination != SERIES:
-                mode_count = fill_amplitudes(tables, combination, work.modal_state, work.amplitudes)
+                mode_count = fill_amplitudes(tables, combination, run.modal_state, run.amplitudes)
             for j in range(m):
-                if not work.stays_off[j]:
-                    work.stays_off[j] = work.zero_order[j] == 0 and stays_off_lines(
-                        tables, combination, j, constants, work, mode_count
+                if not run.stays_clear[j]:
+                    run.stays_clear[j] = run.zero_order[j] == 0 and stays_clear_of_lines(
+                        tables, combination, j, constants, run, mode_count
                     )
-                    all_stay_off &= work.stays_off[j]
-            step = min(piece, remaining) if combination == SERIES or not all_stay_off else remaining
+                    all_stay_clear &= run.stays_clear[j]
+            step = remaining
+            if combination == SERIES or not all_stay_clear:
+                step = min(interval, remaining)
             instant = 2.0
-            if not all_stay_off:
-                instant = find_first_events(tables, combination, constants, work, step / piece)
+            if not all_stay_clear:
+                instant = find_first_events(tables, combination, constants, run, step / interval)
                 for j in range(m):
-                    work.zero_order[j] = 0
+                    run.zero_order[j] = 0
                 if instant < 0.0:
                     return UNRESOLVED
                 if instant <= 1.0:
-                    step = instant * piece
-            if recorded:
+                    step = instant * interval
+            if is_recorded:
                 phase = system.starts[segment] - system.starts[first_segment]
                 phase += (constants.lengths[segment] - remaining) * system.tuning
                 sample_motion(
-                    system, tables, combination, work, segment, phase, step, piece, summary, samples
+                    system,
+                    tables,
+                    combination,
+                    run,
+                    segment,
+                    phase,
+                    step,
+                    interval,
+                    summary,
+                    samples,
                 )
             remaining -= step
             if combination == SERIES:
-                sum_series(work.series, n, step / piece, work.state)
-                for i in range(vectors.shape[0]):
+                sum_series(run.series, n, step / interval, run.state)
+                for i in range(perturbations.shape[0]):
                     advance_by_series(
-                        system, constants, work.effects, step, vectors[i], work.series
+                        system, constants, run.force_indices, step, perturbations[i], run.series
                     )
                 if instant > 1.0 and remaining > 0.0:
-                    # After many Taylor steps modes may cost less, so the method is chosen again.
+                    # After many Taylor steps, modes may cost less, so the method is chosen again.
                     combination = -1
                     continue
             else:
-                length_index, factors = constants.length_index[segment], work.mode_factors
+                length_index, factors = constants.length_index[segment], run.mode_factors
                 if (
                     step == constants.lengths[segment]
                     and 0 <= length_index < tables.segment_factor_rows.shape[1]
@@ -212,54 +239,53 @@ def run_period(
                 else:
                     fill_mode_factors(tables, combination, step, factors)
                 advance_modes(
-                    tables, combination, factors, step, work.modal_state, work.term, work.image
+                    tables, combination, factors, step, run.modal_state, run.term, run.image
                 )
-                y = work.mode_buffer
-                for i in range(vectors.shape[0]):
-                    apply_stored_matrix(tables.to_modes, combination, vectors[i], y)
-                    advance_modes(tables, combination, factors, step, y, work.term, work.image)
-                    apply_stored_matrix(tables.from_modes, combination, y, vectors[i])
+                y = run.mode_buffer
+                for i in range(perturbations.shape[0]):
+                    apply_stored_matrix(tables.to_modes, combination, perturbations[i], y)
+                    advance_modes(tables, combination, factors, step, y, run.term, run.image)
+                    apply_stored_matrix(tables.from_modes, combination, y, perturbations[i])
                 if instant > 1.0 and remaining > 0.0:
                     continue
-                apply_stored_matrix(tables.from_modes, combination, work.modal_state, work.state)
+                apply_stored_matrix(tables.from_modes, combination, run.modal_state, run.state)
             if instant > 1.0:
                 break
             rounding = 0.0
             for j in range(m):
-                if work.event_instant[j] == instant:
-                    rounding = max(rounding, work.instant_rounding[j])
+                if run.event_instant[j] == instant:
+                    rounding = max(rounding, run.instant_rounding[j])
             for j in range(m):
                 tolerance = min(
-                    _STATE_ROUNDING * (rounding + work.instant_rounding[j]),
-                    _MAX_SIMULTANEOUS_STEP,
+                    _STATE_ROUNDING * (rounding + run.instant_rounding[j]), _MAX_SIMULTANEOUS_STEP
                 )
-                if work.event_instant[j] > 1.0 or work.event_instant[j] - instant > tolerance:
+                if run.event_instant[j] > 1.0 or run.event_instant[j] - instant > tolerance:
                     continue
-                if work.contact_after[j] == BOTH:
+                if run.contact_after[j] == BOTH:
                     return JAMMED
-                contact_before = work.contact[j]
-                _cross_flank_line(system, constants, work, j, segment, vectors)
-                work.counters[PERIOD_EVENTS] += 1
-                if recorded:
-                    state = work.state[: constants.drive_rates.shape[1]]
-                    velocity = dot(constants.drive_rates[j], state) / system.tuning
-                    code_after = work.contact[j]
-                    orbit.count_event(contact_before, code_after, velocity, summary[j])
+                contact_before = run.contact[j]
+                _cross_flank_line(system, constants, run, j, segment, perturbations)
+                run.counters[PERIOD_EVENTS] += 1
+                if is_recorded:
+                    state = run.state[: constants.drive_velocity_rows.shape[1]]
+                    velocity = dot(constants.drive_velocity_rows[j], state) / system.tuning
+                    contact_after = run.contact[j]
+                    orbit.count_event(contact_before, contact_after, velocity, summary[j])
                     if events.shape[0] > 0:
                         # Rounding of the sum must not put the event before the previous one.
-                        work.progress[1] = max(phase + step * system.tuning, work.progress[1])
-                        row, instant_phase = work.counters[EVENT_ROWS], work.progress[1]
+                        run.progress[1] = max(phase + step * system.tuning, run.progress[1])
+                        row, instant_phase = run.counters[EVENT_ROWS], run.progress[1]
                         orbit.fill_event(
-                            events[row], 0, instant_phase, contact_before, code_after, velocity
+                            events[row], 0, instant_phase, contact_before, contact_after, velocity
                         )
                         events[row, EVENT_MESH] = j
-                        work.counters[EVENT_ROWS] = row + 1
-                        sort_last_event(events, row, work.counters[FIRST_EVENT_ROW])
-            if work.counters[PERIOD_EVENTS] > max_events:
+                        run.counters[EVENT_ROWS] = row + 1
+                        sort_last_event(events, row, run.counters[FIRST_EVENT_ROW])
+            if run.counters[PERIOD_EVENTS] > max_events:
                 return EVENT_LIMIT
             combination = -1
-        work.counters[SEGMENT] = segment + 1
+        run.counters[SEGMENT] = segment + 1
         if segment + 1 < end_segment:
-            work.progress[0] = constants.lengths[segment + 1]
-    work.counters[SEGMENT] = -1
+            run.progress[0] = constants.lengths[segment + 1]
+    run.counters[SEGMENT] = -1
     return OK

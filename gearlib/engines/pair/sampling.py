@@ -1,4 +1,4 @@
-"""Record of a mesh period, from its arcs: extrema, contact times, samples and events."""
+"""Record of a mesh period, computed from its arcs: extrema, contact times, samples and events."""
 
 import math
 
@@ -16,12 +16,12 @@ from gearlib.engines.pair.motion import (
 
 
 @kernel
-def _add_displacement(mesh, level, contact, x, summary):
-    """Update the extrema in `summary` by a displacement x and the mesh force at x.
+def _update_extrema(pair, level, contact, x, summary):
+    """Update the extrema in `summary` with a displacement x and the mesh force at x.
 
-    The force is stiffness times deflection: from x = 0 if `contact` is DRIVE, from x = -backlash if
-    it is COAST, else it is zero. `level` has the stiffness; `mesh`, a `PairConstants`, has the
-    backlash.
+    The force is the stiffness times the deflection, which counts from x = 0 if `contact` is DRIVE
+    and from x = -backlash_ratio if it is COAST; without contact it is zero. `level` has the
+    stiffness, and `pair` (`PairConstants`) the backlash.
     """
     summary[orbit.X_MAX] = max(summary[orbit.X_MAX], x)
     summary[orbit.X_MIN] = min(summary[orbit.X_MIN], x)
@@ -29,23 +29,23 @@ def _add_displacement(mesh, level, contact, x, summary):
     if contact == DRIVE:
         force = level.stiffness * x
     elif contact == COAST:
-        force = level.stiffness * (x + mesh.backlash_ratio)
+        force = level.stiffness * (x + pair.backlash_ratio)
     summary[orbit.FORCE_MAX] = max(summary[orbit.FORCE_MAX], force)
     summary[orbit.FORCE_MIN] = min(summary[orbit.FORCE_MIN], force)
 
 
 @kernel
-def add_arcs_to_summary(mesh, arcs, arc_count, summary):
+def add_arcs_to_summary(pair, arcs, arc_count, summary):
     """Add the extrema, the contact times and the mean force of successive arcs to `summary`.
 
     An arc is the motion between two events. The first `arc_count` rows of the arc table `arcs`,
-    shape (n, 6), are used. `mesh` holds the `PairConstants`.
+    shape (n, 6), are used. `pair` holds the `PairConstants`.
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
-        level = mesh.high_level if arcs[i, LEVEL] == 1.0 else mesh.low_level
+        level = pair.high_level if arcs[i, LEVEL] == 1.0 else pair.low_level
         duration, x, v = arcs[i, DURATION], arcs[i, DISPLACEMENT], arcs[i, VELOCITY]
-        _add_displacement(mesh, level, contact, x, summary)
+        _update_extrema(pair, level, contact, x, summary)
         has_next = i + 1 < arc_count
         end_x, end_v = 0.0, 0.0
         if has_next:
@@ -53,18 +53,18 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
         if contact == NO_CONTACT:
             summary[orbit.TIME_NO_CONTACT] += duration
             if v < 0.0 and not (has_next and end_v < 0.0):
-                turning_time = lowest_point_time(mesh.drag, mesh.load, v)
+                turning_time = lowest_point_time(pair.drag, pair.load, v)
                 if turning_time < duration:
-                    lowest, _ = free_flight(mesh.drag, mesh.load, x, v, turning_time)
-                    _add_displacement(mesh, level, contact, lowest, summary)
+                    min_x, _ = free_flight(pair.drag, pair.load, x, v, turning_time)
+                    _update_extrema(pair, level, contact, min_x, summary)
             if not has_next:
-                end_x, _ = free_flight(mesh.drag, mesh.load, x, v, duration)
+                end_x, _ = free_flight(pair.drag, pair.load, x, v, duration)
             # Rounding must not move the impact beyond a flank line.
-            end_x = min(max(end_x, -mesh.backlash_ratio), 0.0)
-            _add_displacement(mesh, level, contact, end_x, summary)
+            end_x = min(max(end_x, -pair.backlash_ratio), 0.0)
+            _update_extrema(pair, level, contact, end_x, summary)
             continue
         equilibrium = (
-            level.equilibrium if contact == DRIVE else level.equilibrium - mesh.backlash_ratio
+            level.equilibrium if contact == DRIVE else level.equilibrium - pair.backlash_ratio
         )
         summary[orbit.TIME_DRIVE if contact == DRIVE else orbit.TIME_COAST] += duration
         if arcs[i, LEVEL] == 0.0:
@@ -72,86 +72,86 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
         if not has_next:
             end_x, end_v = evolve(level, x - equilibrium, v, duration)
             end_x += equilibrium
-        # The first two turning points are the highest and the lowest, since amplitudes never grow.
-        # Within half an oscillation there is at most one, and the velocity changes its sign.
+        # The first two turning points are the extrema, because amplitudes never grow. Within
+        # half an oscillation there is at most one, where the velocity changes its sign.
         if not (v * end_v > 0.0 and level.frequency * duration < math.pi):
             turning_time = next_turning_time(level, x - equilibrium, v)
             for _ in range(2):
                 if not turning_time < duration:
                     break
                 u, _v = evolve(level, x - equilibrium, v, turning_time)
-                _add_displacement(mesh, level, contact, u + equilibrium, summary)
+                _update_extrema(pair, level, contact, u + equilibrium, summary)
                 if level.damping_kind != UNDERDAMPED:
                     break
                 turning_time += math.pi / level.frequency
-        # By the equation of motion the impulse of the mesh force is the impulse of the load less
-        # the impulse of the damping and the change of momentum.
+        # By the equation of motion, the impulse of the mesh force is the impulse of the load minus
+        # the impulse of the damping force and the change of momentum.
         momentum_change = end_v - v + 2.0 * level.decay_rate * (end_x - x)
-        summary[orbit.FORCE_SUM] += duration - momentum_change / mesh.load
-        end_x = max(end_x, 0.0) if contact == DRIVE else min(end_x, -mesh.backlash_ratio)
-        _add_displacement(mesh, level, contact, end_x, summary)
+        summary[orbit.FORCE_SUM] += duration - momentum_change / pair.load
+        end_x = max(end_x, 0.0) if contact == DRIVE else min(end_x, -pair.backlash_ratio)
+        _update_extrema(pair, level, contact, end_x, summary)
 
 
 @kernel
-def record_events(arcs, arc_count, previous_code, period, events, event_count, summary):
-    """Add the changes of contact between successive arcs to `summary` and to the event table.
+def record_events(arcs, arc_count, previous_contact, period, events, event_count, summary):
+    """Add the contact changes between successive arcs to `summary` and to the event table.
 
     An arc is the motion between two events. The first `arc_count` rows of the arc table `arcs`,
-    shape (n, 6), belong to mesh period number `period`; `previous_code` is the contact code before
-    them. The first `event_count` rows of the table `events` are in use; a table without rows stays
-    empty. Returns (event table, number of events, contact code of the last arc).
+    shape (n, 6), belong to mesh period number `period`; `previous_contact` is the contact state
+    before them. The first `event_count` rows of the table `events` are in use; a table without rows
+    stays empty. Returns (event table, number of events, contact state of the last arc).
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
-        if contact != previous_code:
+        if contact != previous_contact:
             phase, v = arcs[i, START], arcs[i, VELOCITY]
             events, event_count = orbit.record_event(
-                events, event_count, period, phase, previous_code, contact, v, summary
+                events, event_count, period, phase, previous_contact, contact, v, summary
             )
-            previous_code = contact
-    return events, event_count, previous_code
+            previous_contact = contact
+    return events, event_count, previous_contact
 
 
 @inlined_kernel
-def state_in_arc(mesh, arc, t):
+def state_in_arc(pair, arc, t):
     """Return displacement, velocity, acceleration and mesh force at phase t of the mesh period.
 
-    An arc is the motion between two events: a free flight, or a linear oscillation in contact.
-    `arc`, shape (6,), is the row of the arc table in which the phase lies; `mesh` holds the
+    An arc is the motion between two events: a free flight or a linear oscillation in contact.
+    `arc`, shape (6,), is the row of the arc table that contains the phase; `pair` holds the
     `PairConstants`.
     """
     contact = int(arc[CONTACT])
-    level = mesh.high_level if arc[LEVEL] == 1.0 else mesh.low_level
+    level = pair.high_level if arc[LEVEL] == 1.0 else pair.low_level
     x, v, t = arc[DISPLACEMENT], arc[VELOCITY], t - arc[START]
     if contact == NO_CONTACT:
-        x, v = free_flight(mesh.drag, mesh.load, x, v, t)
-        return x, v, mesh.load - 2.0 * mesh.drag * v, 0.0
-    # u counts from the equilibrium, the deflection that gives the force from the flank line.
-    equilibrium = level.equilibrium if contact == DRIVE else level.equilibrium - mesh.backlash_ratio
+        x, v = free_flight(pair.drag, pair.load, x, v, t)
+        return x, v, pair.load - 2.0 * pair.drag * v, 0.0
+    # u counts from the equilibrium; the elastic deflection is u plus the static deflection.
+    equilibrium = level.equilibrium if contact == DRIVE else level.equilibrium - pair.backlash_ratio
     u, v = evolve(level, x - equilibrium, v, t)
     acceleration = -2.0 * level.decay_rate * v - level.natural_squared * u
     return u + equilibrium, v, acceleration, level.stiffness * (u + level.equilibrium)
 
 
 @kernel
-def sample_arcs(mesh, arcs, arc_count, samples):
+def sample_arcs(pair, arcs, arc_count, samples):
     """Fill `samples`, shape (n, 6), with the motion at the phases in their column SAMPLE_PHASE.
 
     The first `arc_count` rows of the arc table `arcs`, each the motion between two events, are
-    used; `mesh` holds the `PairConstants`. At a switch of stiffness or contact, the values just
-    after it are used.
+    used; `pair` holds the `PairConstants`. A sample at a stiffness switch or a change of contact
+    has the values just after it.
     """
     i = 0
     for k in range(samples.shape[0]):
         t = samples[k, orbit.SAMPLE_PHASE]
         while i + 1 < arc_count and arcs[i + 1, START] <= t:
             i += 1
-        x, v, acceleration, force = state_in_arc(mesh, arcs[i], t)
+        x, v, acceleration, force = state_in_arc(pair, arcs[i], t)
         samples[k, orbit.SAMPLE_X] = x
         samples[k, orbit.SAMPLE_V] = v
         samples[k, orbit.SAMPLE_A] = acceleration
         samples[k, orbit.SAMPLE_CONTACT] = arcs[i, CONTACT]
         samples[k, orbit.SAMPLE_STIFFNESS] = (
-            mesh.high_level if arcs[i, LEVEL] == 1.0 else mesh.low_level
+            pair.high_level if arcs[i, LEVEL] == 1.0 else pair.low_level
         ).stiffness
         samples[k, orbit.SAMPLE_FORCE] = force

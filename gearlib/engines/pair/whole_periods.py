@@ -5,10 +5,10 @@ The motion is the same as in `events`. Shortcuts that are proven to be exact mak
 * A whole segment in contact is a 2 x 2 map if no flank line can be reached: if the amplitude is
   below the static deflection, or if the velocities at both ends and the length of the segment
   exclude a minimum in between.
-* `contact_table` gives the motion from an impact to the loss of contact or to the segment's end.
+* `contact_table` gives the motion from an impact to the loss of contact or the end of the segment.
 * `motion.return_flight` gives the impact after a free flight from x = 0 that misses the coast side.
 
-All other cases use the closed forms, or `events`.
+All other cases use the closed forms or `events`.
 """
 
 from typing import NamedTuple
@@ -25,57 +25,57 @@ from gearlib.engines.pair.motion import evolve, free_flight, return_flight
 
 #: Number of mesh periods whose final states are stored; `orbit.orbit_period` compares one fewer.
 STORED_PERIODS = STROBE_PERIODS + 1
-# Entries of `Work.memory`, which carries a free flight from one call to the next: its remaining
-# time (negative: there is no flight), its duration, its velocities at the start and at the impact;
-# then the table entry of the previous loss of contact in each of the three segments of a period.
+# Entries of `Workspace.memory`, which carries a free flight from one call to the next: remaining
+# time (negative if there is no flight), duration, and velocities at the start and at the impact,
+# followed by the table entry of the previous loss of contact in each of the three segments.
 REMAINING, FLIGHT_DURATION, START_SPEED, IMPACT_SPEED, LOSS_ENTRIES = range(5)
 _MEMORY_SIZE = LOSS_ENTRIES + 3
-#: Contact code of a flight from x = 0 that returns to it, used within `advance_periods` only.
+#: Contact state during a free flight from x = 0 back to x = 0, used in `advance_periods` only.
 _RETURN_FLIGHT = 2
 
 
-class Work(NamedTuple):
-    """Storage of runs through whole mesh periods, which the runs at other tunings reuse."""
+class Workspace(NamedTuple):
+    """Workspace of runs through whole mesh periods, which is reused at other tunings."""
 
-    levels: np.ndarray  #: level rows of `contact_table`, for C_min and half a segment of C_max
+    levels: np.ndarray  #: rows of level constants for C_min and for half a C_max segment
     tables: np.ndarray  #: tables of `contact_table` for both levels, shape (2, ENTRIES, 2)
-    memory: np.ndarray  #: entries REMAINING to LOSS_ENTRIES, see above
-    states: np.ndarray  #: at the end of period n in row n % STORED_PERIODS, (STORED_PERIODS, 2)
+    memory: np.ndarray  #: entries REMAINING to LOSS_ENTRIES + 2
+    states: np.ndarray  #: state at the end of period n in row n % STORED_PERIODS
 
 
 @kernel
-def new_work():
-    """Return empty storage for runs through whole periods, to be prepared by `set_mesh`."""
+def allocate_workspace():
+    """Return an empty `Workspace`, to be prepared by `prepare_workspace`."""
     levels, tables = np.zeros((2, table.LEVEL_COLUMNS)), np.zeros((2, table.ENTRIES, 2))
-    return Work(levels, tables, np.zeros(_MEMORY_SIZE), np.zeros((STORED_PERIODS, 2)))
+    return Workspace(levels, tables, np.zeros(_MEMORY_SIZE), np.zeros((STORED_PERIODS, 2)))
 
 
 @kernel
-def set_mesh(work, mesh):
-    """Prepare the storage `work` for runs of a gear pair with the `PairConstants` `mesh`.
+def prepare_workspace(workspace, pair):
+    """Set the constants of both stiffness levels of a gear pair in a `Workspace`.
 
-    The constants of both stiffness levels are set, and their tables are marked as not filled.
+    `pair` holds the `PairConstants`. The tables of both levels are marked as not filled.
     """
-    table.fill_level_constants(mesh.low_level, mesh.low_length, work.levels[0])
-    table.fill_level_constants(mesh.high_level, mesh.half_high_length, work.levels[1])
+    table.fill_level_constants(pair.low_level, pair.low_length, workspace.levels[0])
+    table.fill_level_constants(pair.high_level, pair.half_high_length, workspace.levels[1])
 
 
 @kernel
-def set_start(work, x, v):
-    """Prepare the storage `work` for a run from displacement x and velocity v at mesh phase 0."""
-    work.memory[REMAINING] = -1.0  # No free flight is in progress.
-    # In each segment of a period the search for a loss of contact starts from its own table entry.
-    work.memory[LOSS_ENTRIES:] = 0.0
-    work.states[0, 0], work.states[0, 1] = x, v
+def prepare_run(workspace, x, v):
+    """Prepare a `Workspace` for a run from displacement x and velocity v at mesh phase 0."""
+    workspace.memory[REMAINING] = -1.0  # No free flight is in progress.
+    # Each segment of a period has its own table entry from which a loss of contact is searched.
+    workspace.memory[LOSS_ENTRIES:] = 0.0
+    workspace.states[0, 0], workspace.states[0, 1] = x, v
 
 
 @inlined_kernel
 def _append_arc(arcs, row, start, duration, contact, level, x, v):
     """Write an arc, the motion between two events, to a row of the arc table; return the next row.
 
-    The arc has a `start` phase, `duration`, contact code (1 drive side, 0 none, -1 coast side) and
-    stiffness level (0 C_min, 1 C_max), and starts with displacement x and velocity v. If the table
-    lacks the row, the arc is only counted.
+    The arc has a `start` phase, a `duration`, a contact state (1 drive side, 0 none, -1 coast side)
+    and a stiffness level (0 C_min, 1 C_max); it starts with displacement x and velocity v. If the
+    table does not have the row, the arc is only counted.
     """
     if row < arcs.shape[0]:
         arcs[row, events.START], arcs[row, events.DURATION] = start, duration
@@ -85,17 +85,18 @@ def _append_arc(arcs, row, start, duration, contact, level, x, v):
 
 
 @kernel
-def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
+def advance_periods(pair, workspace, n, contact, x, v, periods, max_arcs, arcs):
     """Run a gear pair through a number of mesh `periods` from tau = 2 pi n.
 
-    `mesh` holds the `PairConstants`, and `work` is storage prepared for them, which also keeps a
-    free flight from one call to the next. The motion starts with the contact code `contact`,
-    displacement x and velocity v. `arcs`, shape (k, 6), receives the arcs of the last period; k may
-    be 0. Returns (contact code, x, v, arc count) at the end, where x and v may be out of range. The
-    number of arcs of the last period exceeds `max_arcs` if the run was aborted for it.
+    `pair` holds the `PairConstants`, and `workspace` has been prepared for them; it also carries a
+    free flight from one call to the next. The motion starts with the contact state `contact`,
+    displacement x and velocity v. `arcs`, shape (k, 6), is filled with the arcs of the last period;
+    k may be 0. Returns (contact state, x, v, arc count) at the end, where x and v may be out of
+    range. If a period needs more than `max_arcs` arcs, the run is aborted, and the arc count
+    exceeds `max_arcs`.
     """
-    levels, tables, memory, states = work
-    max_return_energy = 2.0 * mesh.load * mesh.backlash_ratio * table.ROUNDING_MARGIN
+    levels, tables, memory, states = workspace
+    max_return_energy = 2.0 * pair.load * pair.backlash_ratio * table.ROUNDING_MARGIN
     count = np.int64(0)
     end_u = end_v = 0.0
     flight_remaining, duration = memory[REMAINING], memory[FLIGHT_DURATION]
@@ -118,7 +119,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
             if contact == _RETURN_FLIGHT:
                 if arcs.shape[0] > 0 and flight_remaining > 0.0:
                     x, v = free_flight(
-                        mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining
+                        pair.drag, pair.load, 0.0, start_speed, duration - flight_remaining
                     )
                     count = _append_arc(
                         arcs, count, start, min(flight_remaining, length), NO_CONTACT, i, x, v
@@ -147,14 +148,14 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                     continue
             else:
                 t, contact, x, v, count = march_rest_of_segment(
-                    mesh, i, start, t, length, contact, x, v, arcs, count, max_arcs, True
+                    pair, i, start, t, length, contact, x, v, arcs, count, max_arcs, True
                 )
                 if t >= length or count > max_arcs:
                     continue
                 u, starts_on_line = -equilibrium, True
 
             # Contact and flight alternate until the segment ends.
-            level = mesh.high_level if i == 1 else mesh.low_level
+            level = pair.high_level if i == 1 else pair.low_level
             if levels[i, table.LAST_ENTRY] == table.UNFILLED:
                 table.fill_table(level, levels[i], tables[i])
             while True:
@@ -206,16 +207,16 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                 if speed * speed >= max_return_energy:
                     # The coast-side flank may be reached: march event by event to the next impact.
                     t += loss_time
-                    flight_code = NO_CONTACT if mesh.backlash_ratio > 0.0 else COAST
+                    flight_contact = NO_CONTACT if pair.backlash_ratio > 0.0 else COAST
                     x, v = 0.0, speed
                     t, contact, x, v, count = march_rest_of_segment(
-                        mesh, i, start, t, length, flight_code, x, v, arcs, count, max_arcs, True
+                        pair, i, start, t, length, flight_contact, x, v, arcs, count, max_arcs, True
                     )
                     if t >= length or count > max_arcs:
                         break
                     u, starts_on_line = -equilibrium, True
                     continue
-                duration, impact_speed = return_flight(mesh.drag, mesh.load, speed)
+                duration, impact_speed = return_flight(pair.drag, pair.load, speed)
                 t += loss_time
                 count = _append_arc(
                     arcs, count, start + t, min(duration, length - t), NO_CONTACT, i, 0.0, speed
@@ -232,7 +233,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
         if contact == _RETURN_FLIGHT:
             if flight_remaining > 0.0:
                 x, v = free_flight(
-                    mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining
+                    pair.drag, pair.load, 0.0, start_speed, duration - flight_remaining
                 )
             else:
                 contact, x, v = DRIVE, 0.0, impact_speed

@@ -1,7 +1,7 @@
 """Small perturbations of a motion along Taylor steps.
 
-In a step a perturbation w obeys w'' + damping(t) w' + stiffness(t) w = 0, where damping and
-stiffness are Taylor series. At a flank line the damping and w' jump as in
+In a step, a perturbation w obeys w'' + damping(t) w' + stiffness(t) w = 0, where damping and
+stiffness are Taylor series. At a flank line, the damping and w' jump as in
 `gearlib.engines.pair.maps`.
 """
 
@@ -29,10 +29,10 @@ from gearlib.engines.taylor.series import (
 
 #: Entry k is 1 / (k + 1).
 _INVERSE = 1.0 / np.arange(1, ORDER + 2)
-#: Largest frequency times step length, since x^20 / 20! = 1e-17 at x = 1.18.
+#: Largest product of frequency and step length: x^20 / 20! = 1e-17 at x = 1.18.
 _MAX_ANGLE = 1.18
-#: Rows of the array of series of a perturbation: w, w', sum of terms of w'', damping, stiffness,
-#: and the stiffness over c(tau).
+#: Rows of the series of a perturbation: w, w', terms of w'', damping, stiffness, and stiffness
+#: divided by c(tau).
 _W, _RATE, _ACCELERATION, _DAMPING, _STIFFNESS, _FORCE_SLOPE = range(6)
 
 
@@ -40,39 +40,39 @@ _W, _RATE, _ACCELERATION, _DAMPING, _STIFFNESS, _FORCE_SLOPE = range(6)
 def stiffness_bound(mesh):
     """Return an upper bound of the stiffness of both flanks at all phases.
 
-    `mesh` is a `NonlinearMesh`, whose drive and coast flanks have stiffnesses of their own.
+    `mesh` is a `NonlinearMesh`, whose drive and coast flanks may have different stiffnesses.
     """
-    bound = _segment_stiffness_bound(mesh.stiffness_lines, mesh.stiffness_harmonics)
-    lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
-    return max(bound, _segment_stiffness_bound(lines, harmonics))
+    bound = _segment_stiffness_bound(mesh.stiffness_segments, mesh.stiffness_harmonics)
+    segments, harmonics = mesh.coast_stiffness_segments, mesh.coast_stiffness_harmonics
+    return max(bound, _segment_stiffness_bound(segments, harmonics))
 
 
 @inlined_kernel
-def _segment_stiffness_bound(stiffness_lines, harmonics):
-    """Return an upper bound at all phases of a stiffness, the sum of a broken line and harmonics.
+def _segment_stiffness_bound(stiffness_segments, harmonics):
+    """Return an upper bound at all phases of a piecewise linear stiffness with harmonics.
 
-    `stiffness_lines`, shape (m, 2), has the value at the start and the slope of each of m segments;
+    `stiffness_segments`, shape (m, 2), has the initial value and the slope of each of m segments;
     `harmonics`, shape (j, 3), has the columns order, cosine and sine coefficient.
     """
     total = 0.0
     for i in range(harmonics.shape[0]):
         total += math.hypot(harmonics[i, 1], harmonics[i, 2])
-    # A line has its maximum at its start or at the start of the next segment.
-    return total + stiffness_lines[:, 0].max()
+    # A segment has its maximum at its start or at the start of the next segment.
+    return total + stiffness_segments[:, 0].max()
 
 
 @inlined_kernel
-def max_perturbation_step(constants, max_stiffness, contact_code, x, v):
+def max_perturbation_step(constants, max_stiffness, contact_state, x, v):
     """Return the longest step in phase over which the series of a perturbation converges.
 
-    A perturbation oscillates with the natural frequency in contact even if the motion, with the
-    displacement x and the velocity v, is slow. The terms of its series, (frequency * step)^k / k!,
-    have to fall below rounding by k = ORDER. `constants`, shape (COLUMNS,), holds the constants for
-    the contact code (drive 1, none 0, coast -1) and the segment of the stiffness; the linear
-    stiffness is at most `max_stiffness`.
+    A perturbation oscillates with the natural frequency in contact even if the motion, with
+    displacement x and velocity v, is slow. The terms of its series, (frequency * step)^k / k!, must
+    fall below rounding by k = ORDER. `constants`, shape (COLUMNS,), holds the constants for the
+    contact state (drive 1, none 0, coast -1) and the stiffness segment; the linear stiffness is at
+    most `max_stiffness`.
     """
     # P2, P3: quadratic and cubic stiffness; D1 to D3: linear to cubic damping. Only P2 may be < 0.
-    deflection = abs(x - constants[FLANK_LINE]) if contact_code != NO_CONTACT else 0.0
+    deflection = abs(x - constants[FLANK_LINE]) if contact_state != NO_CONTACT else 0.0
     stiffness_factor = (
         1.0 + (2.0 * abs(constants[P2]) + 3.0 * constants[P3] * deflection) * deflection
     )
@@ -83,13 +83,13 @@ def max_perturbation_step(constants, max_stiffness, contact_code, x, v):
 
 
 @kernel
-def _fill_equation(constants, contact_code, velocity_sign, series, perturbation):
+def _fill_equation(constants, contact_state, velocity_sign, series, perturbation):
     """Fill the series of damping and stiffness in the equation of a small perturbation w.
 
     The equation is w'' + damping w' + stiffness w = 0; the series fill the rows _DAMPING and
     _STIFFNESS of `perturbation`. `series` holds the Taylor series of the motion, whose velocity has
-    the sign `velocity_sign` throughout the step. `constants`, shape (COLUMNS,), holds the constants
-    for the contact code (drive 1, none 0, coast -1) and the segment of the stiffness.
+    the sign `velocity_sign` during the whole step. `constants`, shape (COLUMNS,), holds the
+    constants for the contact state (drive 1, none 0, coast -1) and the stiffness segment.
     """
     damping_series, stiffness_series = perturbation[_DAMPING], perturbation[_STIFFNESS]
     force_slope = perturbation[_FORCE_SLOPE]
@@ -102,7 +102,7 @@ def _fill_equation(constants, contact_code, velocity_sign, series, perturbation)
     # The linear terms of damping and spring force have constant derivatives.
     damping_series[0] += constants[D1]
     force_slope[0] += 1.0
-    if contact_code == NO_CONTACT:
+    if contact_state == NO_CONTACT:
         return
     for i in range(ORDER):
         # A stiffness without harmonics has only two coefficients.
@@ -113,10 +113,7 @@ def _fill_equation(constants, contact_code, velocity_sign, series, perturbation)
 
 @inlined_kernel
 def _series_value(coefficients, t):
-    """Return the value at t of a power series with ORDER + 1 coefficients, constant first.
-
-    It is computed by Horner's scheme.
-    """
+    """Return the value at t of a power series with ORDER + 1 coefficients, constant first."""
     total = coefficients[ORDER]
     for k in range(ORDER - 1, -1, -1):
         total = total * t + coefficients[k]
@@ -125,25 +122,25 @@ def _series_value(coefficients, t):
 
 @inlined_kernel
 def set_identity(map_matrix):
-    """Set the map of a perturbation (w, w'), shape (2, 2), to the identity."""
+    """Set the map of a perturbation (w, w'), shape (2, 2), to the identity matrix."""
     map_matrix[0, 0] = map_matrix[1, 1] = 1.0
     map_matrix[0, 1] = map_matrix[1, 0] = 0.0
 
 
 @kernel
-def map_step(constants, contact_code, velocity_sign, step, series, perturbation, map_matrix):
+def map_step(constants, contact_state, velocity_sign, step, series, perturbation, map_matrix):
     """Multiply a map of perturbations (w, w'), shape (2, 2), from the left by the map of a step.
 
     `step` is the length of the Taylor step, and `series` holds the series of the motion, whose
-    velocity has the sign `velocity_sign` throughout. `constants`, shape (COLUMNS,), holds the
-    constants for the contact code (drive 1, none 0, coast -1) and the segment of the stiffness.
+    velocity has the sign `velocity_sign` during the whole step. `constants`, shape (COLUMNS,),
+    holds the constants for the contact state (drive 1, none 0, coast -1) and the stiffness segment.
     `perturbation`, (6, ORDER + 1), is overwritten.
     """
-    _fill_equation(constants, contact_code, velocity_sign, series, perturbation)
+    _fill_equation(constants, contact_state, velocity_sign, series, perturbation)
     ground = constants[GROUND_STIFFNESS]
     w, rate, acceleration = perturbation[_W], perturbation[_RATE], perturbation[_ACCELERATION]
     damping_series, stiffness_series = perturbation[_DAMPING], perturbation[_STIFFNESS]
-    # Number of coefficients of damping and stiffness without the zeros at the end.
+    # Number of coefficients of damping and stiffness without trailing zeros.
     term_count = ORDER
     while (
         term_count > 1
@@ -165,7 +162,7 @@ def map_step(constants, contact_code, velocity_sign, step, series, perturbation,
 
 @inlined_kernel
 def _damping_coefficient(constants, speed):
-    """Return the damping force over x' at the speed |x'|.
+    """Return the damping force divided by x' at the speed |x'|.
 
     `constants`, shape (COLUMNS,), has the coefficients D1, D2 and D3 of linear to cubic damping.
     """
@@ -173,22 +170,25 @@ def _damping_coefficient(constants, speed):
 
 
 @kernel
-def map_crossing(constants, segment, code_before, code_after, v, map_matrix):
+def map_crossing(constants, segment, contact_before, contact_after, v, map_matrix):
     """Multiply a map of perturbations, (2, 2), from the left by the saltation matrix of a crossing.
 
-    The saltation matrix is the jump of a perturbation where the damping jumps. The contact code
-    (drive 1, none 0, coast -1) changes from `code_before` to `code_after` at the velocity v, on a
-    segment of the stiffness. `constants` has the shape (3, m, COLUMNS), by contact code + 1 and
-    segment. Without backlash a change from flank to flank crosses free flight.
+    The saltation matrix describes the jump of a perturbation due to the jump of the damping. The
+    contact state (drive 1, none 0, coast -1) changes from `contact_before` to `contact_after` at
+    the velocity v, in a stiffness segment. `constants` has the shape (3, m, COLUMNS), by contact
+    state + 1 and segment. Without backlash, a change from flank to flank passes through free
+    flight.
     """
-    contact_code, speed = code_before, abs(v)
-    while contact_code != code_after:
-        # From flank to flank, free flight comes in between.
-        next_code = (
-            code_after if contact_code == NO_CONTACT or code_after == NO_CONTACT else NO_CONTACT
+    contact_state, speed = contact_before, abs(v)
+    while contact_state != contact_after:
+        # A change from flank to flank passes through free flight.
+        next_contact = (
+            contact_after
+            if contact_state == NO_CONTACT or contact_after == NO_CONTACT
+            else NO_CONTACT
         )
-        jump = _damping_coefficient(constants[next_code + 1, segment], speed)
-        jump -= _damping_coefficient(constants[contact_code + 1, segment], speed)
+        jump = _damping_coefficient(constants[next_contact + 1, segment], speed)
+        jump -= _damping_coefficient(constants[contact_state + 1, segment], speed)
         for j in range(2):
             map_matrix[1, j] -= jump * map_matrix[0, j]
-        contact_code = next_code
+        contact_state = next_contact

@@ -1,11 +1,11 @@
 """Taylor series of the motion of a nonlinear mesh, Eq. (3) with one degree of freedom.
 
-In static deflections and mesh phase, for one contact code and one sign of x',
+In units of the static deflection and mesh phase, for one contact state and one sign of x',
 
     x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) (g + p2 |g| g + p3 g^3),
 
-all terms are polynomials in x, x' and the series of c and F, so that the coefficients of the
-solution follow from each other by Cauchy products. F, e and c contain the factor 1 / nu^2. The
+all terms are polynomials in x, x' and the series of c and F. The coefficients of the solution
+therefore follow from each other by Cauchy products. F, e and c contain the factor 1 / nu^2. The
 newest coefficient enters a product linearly and is added last, so that the processor can compute
 the other sums in parallel.
 """
@@ -19,15 +19,15 @@ from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.matrices import copy
 from gearlib.engines.pair.motion import cos_sin
 
-#: Degree of the series. The cost of a step grows with its square, the length of a step at most with
-#: its logarithm; between 16 and 24 the cost per phase hardly changes.
+#: Degree of the series. The cost of a step grows with its square, and the length of a step at most
+#: with its logarithm; the cost per unit of phase hardly changes between degrees 16 and 24.
 ORDER = 20
 #: Entry k is 1 / (k + 1).
 INVERSE_INTEGERS = 1.0 / np.arange(1, ORDER + 2)
 
-# Steps take plain arrays, since the reference counts of named tuples cost more than the sums.
+# Steps use plain arrays, because counting references of named tuples costs more than the sums.
 #: Rows of the array of series: x, x', elastic deflection, stiffness, deflection with its powers,
-#: mesh force, squares of deflection and x', excitation, a polynomial of the fraction of a step.
+#: mesh force, squares of deflection and x', excitation, a polynomial in the fraction of a step.
 (
     DISPLACEMENT,
     VELOCITY,
@@ -41,58 +41,59 @@ INVERSE_INTEGERS = 1.0 / np.arange(1, ORDER + 2)
     SCALED,
 ) = range(10)
 ROWS = 10
-#: Columns of the constants of a contact code on a piece of c(tau): damping, powers of the
-#: stiffness (with the sign of the flank), flank line, stiffness at the start of the piece, its
-#: slope and the phase of the start. The other columns are equal in all rows.
+#: Columns of the constants of a contact state in a segment of c(tau): damping, powers of the
+#: stiffness (with the sign of the flank), flank line, stiffness at the start of the segment, its
+#: slope and the phase at the start. The other columns are equal in all rows.
 (D1, D2, D3, P2, P3, FLANK_LINE, START_STIFFNESS, STIFFNESS_SLOPE, START_PHASE) = range(9)
 (GROUND_STIFFNESS, MEAN_FORCE, DRIVE_LINE, COAST_LINE, TUNING, STEP_SCALE) = range(9, 15)
 COLUMNS = 15
-#: Row of the excitation in the array of harmonics; rows 0 to 2 are stiffnesses by contact code + 1.
+#: Index of the excitation in the harmonics; indices 0 to 2 are stiffnesses by contact state + 1.
 EXCITATION = 3
 
 
 class NonlinearMesh(NamedTuple):
-    """Dimensionless constants and tables of the nonlinear mesh at one tuning."""
+    """Dimensionless constants and tables of a nonlinear mesh at one tuning."""
 
     tuning: float
-    backlash_ratio: float  #: in static deflections, drive_line - coast_line
+    backlash_ratio: float  #: drive_line - coast_line, in static deflections
     drive_damping: np.ndarray  #: coefficients d1, d2, d3 in drive-side contact, shape (3,)
     backlash_damping: np.ndarray  #: d1, d2, d3 in free flight, shape (3,)
     stiffness_powers: np.ndarray  #: p2, p3 of the contact stiffness, shape (2,)
     segment_bounds: np.ndarray  #: phases that bound the segments of c(tau), (m + 1,), 0 to 2 pi
-    stiffness_lines: np.ndarray  #: c at the start of a segment and its slope, shape (m, 2)
-    below_mean: np.ndarray  #: bool, whether c lies below its mean on a segment, shape (m,)
-    stiffness_harmonics: np.ndarray  #: added to c: order, cosine, sine, shape (j, 3)
-    force_harmonics: np.ndarray  #: of F (order 0 the mean): order, cosine, sine, shape (k, 3)
+    stiffness_segments: np.ndarray  #: c at the start of each segment and its slope, shape (m, 2)
+    below_mean: np.ndarray  #: bool, whether c is below its mean in a segment, shape (m,)
+    stiffness_harmonics: np.ndarray  #: harmonics of c: order, cosine, sine, shape (j, 3)
+    force_harmonics: np.ndarray  #: harmonics of F: order (0: mean), cosine, sine, shape (k, 3)
     tolerance: float  #: truncation error of a step, in static deflections
-    # In gear pairs the drive flank lies at 0, both flanks have the same coefficients, and e = 0.
-    drive_line: float  #: displacement of the drive flank
-    coast_line: float  #: displacement of the coast flank
-    ground_stiffness: float  #: e, stiffness towards x = 0 in all contacts
+    # Gear pairs have the drive-side flank line at 0, equal coefficients of both flanks, and e = 0.
+    drive_line: float  #: displacement at which the drive-side flanks touch
+    coast_line: float  #: displacement at which the coast-side flanks touch
+    ground_stiffness: float  #: e, stiffness of a spring to x = 0 in all contact states
     coast_damping: np.ndarray  #: d1, d2, d3 in coast-side contact, shape (3,)
-    coast_stiffness_lines: np.ndarray  #: `stiffness_lines` of the coast flank
+    coast_stiffness_segments: np.ndarray  #: `stiffness_segments` of the coast flank
     coast_stiffness_harmonics: np.ndarray  #: `stiffness_harmonics` of the coast flank
 
 
 @inlined_kernel
-def damping_coefficients(mesh, contact_code):
-    """Return the damping coefficients d1, d2, d3, shape (3,), for a contact code.
+def damping_coefficients(mesh, contact_state):
+    """Return the damping coefficients d1, d2, d3, shape (3,), for a contact state.
 
-    They multiply x', |x'| x' and x'^3. The contact code is drive 1, none 0 or coast -1; `mesh` is a
-    `NonlinearMesh`.
+    They multiply x', |x'| x' and x'^3. The contact state is drive 1, none 0 or coast -1; `mesh` is
+    a `NonlinearMesh`.
     """
-    if contact_code == NO_CONTACT:
+    if contact_state == NO_CONTACT:
         return mesh.backlash_damping
-    return mesh.drive_damping if contact_code == DRIVE else mesh.coast_damping
+    return mesh.drive_damping if contact_state == DRIVE else mesh.coast_damping
 
 
 @inlined_kernel
 def _fill_harmonics(harmonics, series_terms):
-    """Tabulate factors of the Taylor series of harmonics; return the mean, the harmonic of order 0.
+    """Tabulate the factors of the Taylor series of harmonics; return the mean, the order 0.
 
     `harmonics`, shape (j, 3), has the columns order n, cosine and sine coefficient. Each row of
-    `series_terms`, shape (j, ORDER + 4), receives these three values and then n^k / k!, the Taylor
-    coefficients of cosine and sine, with the signs of their derivatives. Order 0 is left out.
+    `series_terms`, shape (j, ORDER + 4), is filled with these three values, followed by n^k / k!,
+    the Taylor coefficients of cosine and sine, with the signs of their derivatives. Order 0 is
+    omitted.
     """
     mean, row = 0.0, 0
     for i in range(harmonics.shape[0]):
@@ -113,34 +114,35 @@ def _fill_harmonics(harmonics, series_terms):
 def tabulate_mesh(mesh):
     """Return (constants, harmonics) of a `NonlinearMesh` for the Taylor steps.
 
-    `constants` has the shape (3, m, COLUMNS): contact code (drive 1, none 0, coast -1) plus 1, and
-    segment of the piecewise linear stiffness. `harmonics` has the shape (4, n, ORDER + 4), by
-    contact code + 1 for the stiffness, or EXCITATION; a row of zeros follows the last one.
+    `constants` has the shape (3, m, COLUMNS), by contact state (drive 1, none 0, coast -1) + 1 and
+    segment of the piecewise linear stiffness. `harmonics` has the shape (4, n, ORDER + 4): the
+    first index is the contact state + 1 for harmonics of the stiffness, or EXCITATION. A row of
+    zeros follows the last harmonic.
     """
     max_count = max(
         mesh.stiffness_harmonics.shape[0],
         mesh.coast_stiffness_harmonics.shape[0],
         mesh.force_harmonics.shape[0],
     )
-    constants = np.empty((3, mesh.stiffness_lines.shape[0], COLUMNS))
+    constants = np.empty((3, mesh.stiffness_segments.shape[0], COLUMNS))
     harmonics = np.zeros((4, max_count + 1, ORDER + 4))
     mean_force = _fill_harmonics(mesh.force_harmonics, harmonics[EXCITATION])
-    for contact_code in (COAST, NO_CONTACT, DRIVE):
-        # In free flight the stiffness of the drive side is recorded, but there is no mesh force.
-        is_coast = contact_code == COAST
+    for contact_state in (COAST, NO_CONTACT, DRIVE):
+        # In free flight, the stiffness of the drive side is recorded, but there is no mesh force.
+        is_coast = contact_state == COAST
         harmonics_of_side = mesh.coast_stiffness_harmonics if is_coast else mesh.stiffness_harmonics
-        mean = _fill_harmonics(harmonics_of_side, harmonics[contact_code + 1])
-        stiffness_lines = mesh.coast_stiffness_lines if is_coast else mesh.stiffness_lines
-        damping = damping_coefficients(mesh, contact_code)
-        # A deflection is negative on the coast side, so that quadratic terms change their sign.
-        sign = 1.0 if contact_code == DRIVE else -1.0
-        for segment in range(stiffness_lines.shape[0]):
-            row = constants[contact_code + 1, segment]
+        mean = _fill_harmonics(harmonics_of_side, harmonics[contact_state + 1])
+        stiffness_segments = mesh.coast_stiffness_segments if is_coast else mesh.stiffness_segments
+        damping = damping_coefficients(mesh, contact_state)
+        # Deflections are negative on the coast side, so quadratic terms change their sign.
+        sign = 1.0 if contact_state == DRIVE else -1.0
+        for segment in range(stiffness_segments.shape[0]):
+            row = constants[contact_state + 1, segment]
             row[D1], row[D2], row[D3] = damping[0], damping[1], damping[2]
             row[P2], row[P3] = sign * mesh.stiffness_powers[0], mesh.stiffness_powers[1]
             row[FLANK_LINE] = mesh.coast_line if is_coast else mesh.drive_line
-            row[START_STIFFNESS] = stiffness_lines[segment, 0] + mean
-            row[STIFFNESS_SLOPE] = stiffness_lines[segment, 1]
+            row[START_STIFFNESS] = stiffness_segments[segment, 0] + mean
+            row[STIFFNESS_SLOPE] = stiffness_segments[segment, 1]
             row[START_PHASE], row[MEAN_FORCE] = mesh.segment_bounds[segment], mean_force
             row[GROUND_STIFFNESS], row[TUNING] = mesh.ground_stiffness, mesh.tuning
             row[DRIVE_LINE], row[COAST_LINE] = mesh.drive_line, mesh.coast_line
@@ -152,9 +154,9 @@ def tabulate_mesh(mesh):
 def _add_harmonics(harmonics, group, phase, series, quantity):
     """Add the Taylor coefficients of harmonics at a phase to the row `quantity` of `series`.
 
-    `harmonics`, shape (4, n, ORDER + 4), comes from `tabulate_mesh`: order, cosine and sine
-    coefficient, then n^k / k! with signs. Its first index `group` is a contact code + 1 or
-    EXCITATION.
+    `harmonics`, shape (4, n, ORDER + 4), is a result of `tabulate_mesh`. Its first index `group` is
+    a contact state + 1 or EXCITATION; a row has the order, the cosine and sine coefficient, and n^k
+    / k! with signs.
     """
     for j in range(harmonics.shape[1]):
         order = harmonics[group, j, 0]
@@ -179,7 +181,7 @@ def _square_and_cube_terms(series, quantity, square_quantity, k):
     coefficients of a^2 up to k - 1.
     """
     constant_term = series[quantity, 0]
-    # The caller adds the left-out terms, 2 a_0^2 and 3 a_0^3, so that the sums are a_0^2 and a_0^3.
+    # With the terms 2 a_0^2 and 3 a_0^3 that the caller adds, the sums are a_0^2 and a_0^3.
     if k == 0:
         return -constant_term * constant_term, -2.0 * constant_term * constant_term * constant_term
     square_sum, cube_sum, cube_tail = 0.0, 0.0, 0.0
@@ -223,16 +225,16 @@ def _product_coefficient(series, quantity, other_quantity, k):
 
 @kernel
 def expand_motion(
-    constants, harmonics, segment, phase, contact_code, velocity_sign, x, v, series, term_count
+    constants, harmonics, segment, phase, contact_state, velocity_sign, x, v, series, term_count
 ):
     """Fill the Taylor series of the motion that starts from (x, v) at a phase of a segment.
 
-    The contact code (drive 1, none 0, coast -1) and the sign of the velocity do not change in the
-    step. `constants` and `harmonics` come from `tabulate_mesh`; `segment` is the index of a segment
-    of the piecewise linear stiffness. `series`, shape (ROWS, ORDER + 1), receives `term_count` <=
-    ORDER coefficients of the velocity beyond the first.
+    The contact state (drive 1, none 0, coast -1) and the sign of the velocity are constant during
+    the step. `constants` and `harmonics` are results of `tabulate_mesh`; `segment` is the index of
+    a segment of the piecewise linear stiffness. `series`, shape (ROWS, ORDER + 1), is filled with
+    `term_count` <= ORDER coefficients of the velocity beyond the constant.
     """
-    i = contact_code + 1
+    i = contact_state + 1
     d1, d3 = constants[i, segment, D1], constants[i, segment, D3]
     d2 = velocity_sign * constants[i, segment, D2]
     p2, p3 = constants[i, segment, P2], constants[i, segment, P3]
@@ -240,7 +242,7 @@ def expand_motion(
     stiffness_slope = constants[i, segment, STIFFNESS_SLOPE]
     segment_phase = phase - constants[i, segment, START_PHASE]
     stiffness = constants[i, segment, START_STIFFNESS] + stiffness_slope * segment_phase
-    is_touching, has_harmonics = contact_code != NO_CONTACT, harmonics[i, 0, 0] != 0.0
+    is_touching, has_harmonics = contact_state != NO_CONTACT, harmonics[i, 0, 0] != 0.0
     has_nonlinear_damping, has_nonlinear_stiffness = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0
     for k in range(ORDER + 1):
         series[EXTERNAL_FORCE, k] = 0.0
@@ -286,9 +288,9 @@ def expand_motion(
 def step_length(constants, series, max_step):
     """Return the longest step up to `max_step` for which the last series terms are negligible.
 
-    `series` holds the Taylor series of the motion. `constants`, shape (3, m, COLUMNS), holds the
-    tuning (mesh frequency over natural frequency), which converts velocities by phase to velocities
-    by natural time, and tolerance ** (1 / ORDER). The last two terms show how fast the terms
+    `series` holds the Taylor series of the motion. `constants`, shape (3, m, COLUMNS), holds
+    tolerance ** (1 / ORDER) and the tuning (mesh frequency over natural frequency), which converts
+    velocities by phase to velocities by natural time. The last two terms show how fast the terms
     decrease; one of them may vanish by symmetry.
     """
     tuning, step_scale = constants[0, 0, TUNING], constants[0, 0, STEP_SCALE]
