@@ -1,4 +1,4 @@
-"""Dynamic factors over speed: jumps, and speeds beyond which they lie."""
+"""Check the jumps in curves of the dynamic factor over speed."""
 
 import numpy as np
 import pytest
@@ -12,19 +12,22 @@ GEARS = {
     "wheel": {"teeth": 61},
     "torque": 100.0,
 }
-RUN = {"periods": 200, "record_periods": 10}
+RUN_OPTIONS = {"periods": 200, "record_periods": 10}
 
 
 def test_jumps_match_bisection_and_exclude_the_ends_of_the_sweep():
-    """Compare jump speeds of sweeps with bisection; a sweep that starts above the jump has none."""
+    """Jump speeds of sweeps must agree with a bisection within half the step of the sweep.
+
+    A downward sweep that ends above its jump must report none.
+    """
     model = build_load_sharing_pair(GEARS, {"damping_ratio": 0.05}, pitch_errors=False)
     tunings = np.linspace(0.36, 1.1, 149)
     step = float(model.speed(tunings[1] - tunings[0]))
-    curves = sweep_speeds(model, model.speed(tunings), **RUN)
+    curves = sweep_speeds(model, model.speed(tunings), **RUN_OPTIONS)
     for name in ("up", "down"):
-        jump = find_jump(model, tunings, 1e-4, name, initial_state="static", **RUN)
+        jump = find_jump(model, tunings, 1e-4, name, initial_state="static", **RUN_OPTIONS)
         (jump_speed,) = curves[f"jump_{name}_speed"].values
         assert jump_speed == pytest.approx(float(model.speed(jump.tuning)), abs=0.51 * step)
-    # This sweep starts at the tuning 0.605, above the downward jump.
-    above = sweep_speeds(model, model.speed(tunings[49:]), **RUN)
+    # The lowest tuning of this sweep is 0.605, above the downward jump.
+    above = sweep_speeds(model, model.speed(tunings[49:]), **RUN_OPTIONS)
     assert np.isnan(above.jump_down_speed).all() and above.jump_up_speed == curves.jump_up_speed

@@ -24,7 +24,7 @@ DAMPED_PAIR = PAPER_PAIR.replace(material_damping=3953.7)
 def sample_tolerances(tolerances, count=4096):
     """Return the joint distribution of tolerances and a sample of it, (count, parameters)."""
     joint = distributions.read_tolerances(tolerances, PARAMETERS)
-    # Half a step of 30 bits is added, because the normal quantile of the Sobol' point 0 is infinite.
+    # Half a step of 30 bits avoids the Sobol' point 0, whose normal quantile is infinite.
     points = stats.qmc.Sobol(len(joint.names), rng=1).random(count) + 2.0**-31
     return joint, joint.values(points)
 
