@@ -585,7 +585,7 @@ def _multiply(value: float | None, factor: float) -> float | None:
 
 
 #: Columns of the table of stages: header, and function that computes the value from the name of a
-#: stage, its numbers of teeth z, its geometry (None if unknown), and torque and speed of the pinion.
+#: stage, its tooth numbers z, its geometry (None if unknown), and torque and speed of the pinion.
 _COLUMNS: tuple = (
     ("stage", lambda name, z, stage, torque, speed: name),
     ("teeth", lambda name, z, stage, torque, speed: f"{z[0]}/{abs(z[1])}"),

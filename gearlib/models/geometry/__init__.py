@@ -1,4 +1,4 @@
-"""Geometry of gears, and the parameters of their mesh; lengths in m, angles in rad.
+"""Geometry of gears and the parameters of their mesh; lengths in m, angles in rad.
 
-A user takes these names from `gearlib.geometry`.
+The public names are in `gearlib.geometry`.
 """

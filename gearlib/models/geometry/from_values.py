@@ -1,4 +1,4 @@
-"""Gears, gear stages and planetary sets built from plain values."""
+"""Build gears, gear stages and planetary sets from plain values."""
 
 import dataclasses
 import math
@@ -10,24 +10,24 @@ from gearlib import checks
 from gearlib.models.geometry.gear import RACKS, Material, SpurGear, TipRelief, Web
 from gearlib.models.geometry.gear_stage import GearStage
 
-#: Fields that the second gear of a stage takes from the first by default.
+#: Fields that a gear takes from its mate by default.
 _COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material")
 #: Key in the dict of a gear -> field of its `Rack`.
 RACK_FIELDS = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": "tip_radius"}
 
 
 def build_gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -> SpurGear:
-    """Build and return a `SpurGear` from a dict of its fields in SI units.
+    """Build a `SpurGear` from a dict of its fields in SI units.
 
     Material, web and tip relief are dicts of their fields; `rack` is a letter of ISO 53, "A" to
-    "D", and the keys addendum, dedendum and fillet_radius change fields of this rack. A missing
-    module, width, pressure or helix angle, rack or material is taken from `mate_values`, the dict
-    of the mating gear. `default_fields` are the values of other missing fields.
+    "D", and the keys addendum, dedendum and fillet_radius override fields of this rack. Missing
+    module, width, pressure angle, helix angle, rack and material are taken from `mate_values`, the
+    dict of the mating gear. `default_fields` are defaults of other fields.
     """
     fields = dict(values)
     if mate_values is not None:
         common_fields = list(_COMMON_FIELDS)
-        # The rack of the mate is taken only as a whole.
+        # The rack of the mate is used only if no key of a rack is given.
         if not fields.keys() & {"rack", *RACK_FIELDS}:
             common_fields += ["rack", *RACK_FIELDS]
         mate_fields = {name: mate_values[name] for name in common_fields if name in mate_values}
@@ -35,7 +35,7 @@ def build_gear(values: dict, mate_values: dict | None = None, **default_fields: 
     rack_keys = [key for key in RACK_FIELDS if key in fields]
     rack_changes = {RACK_FIELDS[key]: fields.pop(key) for key in rack_keys}
     if rack_changes:
-        # Errors name the keys of the gear in place of the fields of its rack.
+        # Error messages name the keys of the gear instead of the fields of its rack.
         with checks.prefix_error_paths(
             "", **{rack_field: key for key, rack_field in RACK_FIELDS.items()}
         ):
@@ -49,11 +49,11 @@ def build_gear(values: dict, mate_values: dict | None = None, **default_fields: 
 
 
 def build_stage(values: dict) -> GearStage:
-    """Build and return a `GearStage`, two gears in mesh, from a dict.
+    """Build a `GearStage`, i.e. two gears in mesh, from a dict.
 
-    Its keys `pinion` and `wheel` are dicts of the fields of the gears; the wheel takes missing
-    common values, such as the module, from the pinion. The lengths `centre_distance` and
-    `backlash`, in m, are optional. Other keys are ignored.
+    Its keys `pinion` and `wheel` are dicts of gear fields; missing common values of the wheel, such
+    as the module, are taken from the pinion. The keys `centre_distance` and `backlash`, in m, are
+    optional. Other keys are ignored.
     """
     with checks.prefix_error_paths("pinion"):
         pinion = build_gear(values["pinion"])
@@ -62,9 +62,9 @@ def build_stage(values: dict) -> GearStage:
     return GearStage(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
 
 
-#: Largest position error of a planet in tooth pitches; it allows for rounded angles.
+#: Largest position error of a planet, in tooth pitches, to allow for rounded angles.
 _POSITION_TOLERANCE = 1e-6
-#: Largest difference between the ring teeth and z_s + 2 z_p that profile shifts allow.
+#: Largest difference of the number of ring teeth from z_s + 2 z_p that profile shifts allow.
 _MAX_SHIFTED_TEETH = 2
 
 
@@ -79,15 +79,15 @@ class PlanetaryMeshes(NamedTuple):
 def build_planetary_meshes(
     sun, planet, ring, *, planets=3, positions=None, centre_distance=None, backlashes=None
 ) -> PlanetaryMeshes:
-    """Return the two meshes and the planet angles of a planetary set, a `PlanetaryMeshes`.
+    """Build the two meshes of a planetary set and check the positions of its planets.
 
     `sun`, `planet` and `ring` are `SpurGear`; `planets` is the number of planets, and `positions`
     are their angles in rad, by default equally spaced. `centre_distance` of sun and planet and the
     normal `backlashes` of (sun mesh, ring mesh) are in m; by default they follow from the gears.
-    Raises ValueError if the gears do not fit together or the planets cannot be assembled.
+    Raise ValueError if the gears do not fit together or the planets cannot be assembled.
     """
     sun_backlash, ring_backlash = backlashes or (None, None)
-    internal = getattr(ring, "internal", False)  # False also if `ring` is no gear
+    internal = getattr(ring, "internal", False)  # False also if `ring` is not a gear
     checks.require(internal, "ring.internal", False, "True, of a ring gear")
     try:
         with checks.prefix_error_paths("", owner="the sun mesh", pinion="sun", wheel="planet"):
@@ -95,7 +95,7 @@ def build_planetary_meshes(
         with checks.prefix_error_paths("", owner="the ring mesh", pinion="planet", wheel="ring"):
             ring_mesh = GearStage(planet, ring, sun_mesh.centre_distance, ring_backlash)
     except ValueError:
-        # A wrong number of ring teeth has priority over the error that it causes in a mesh.
+        # A wrong number of ring teeth is reported instead of its consequence.
         _check_ring_teeth(sun, planet, ring, centre_distance)
         raise
     tooth_sum = sun.teeth + ring.teeth
@@ -103,12 +103,12 @@ def build_planetary_meshes(
         positions = equally_spaced_positions(sun.teeth, ring.teeth, planets)
     angles = tuple(checks.check_sequence("positions", positions, planets))
     for i, angle in enumerate(angles):
-        # The planet fits if it is a whole number of these pitches away from the first planet.
+        # The planet can be assembled at an integer number of pitches from the first planet.
         pitches = tooth_sum * (angle - angles[0]) / math.tau
         if abs(pitches - round(pitches)) > _POSITION_TOLERANCE:
             allowed = (
-                f"a whole multiple of 2 pi / (z_s + z_r) = {math.tau / tooth_sum:.6g} rad from the "
-                "first, or the planet cannot be assembled"
+                f"an integer multiple of 2 pi / (z_s + z_r) = {math.tau / tooth_sum:.6g} rad from "
+                "the first, or the planet cannot be assembled"
             )
             raise checks.InputError(f"positions[{i}]", angle, allowed)
     _check_planet_spacing(sun_mesh, planets, angles)
@@ -116,10 +116,10 @@ def build_planetary_meshes(
 
 
 def equally_spaced_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
-    """Return the angles in rad of `count` equally spaced planets, the first of which is 0.
+    """Return the angles in rad of `count` equally spaced planets, starting from 0.
 
-    `sun_teeth` and `ring_teeth` are tooth numbers. Raises ValueError unless `count` divides their
-    sum, because otherwise equally spaced planets cannot be assembled.
+    Raise an `InputError` if they cannot be assembled, i.e. unless `count` divides the sum of the
+    tooth numbers of sun and ring.
     """
     allowed = (
         f"such that (z_s + z_r) / N = ({sun_teeth} + {ring_teeth}) / {count} is an integer, "
@@ -130,16 +130,16 @@ def equally_spaced_positions(sun_teeth: int, ring_teeth: int, count: int) -> lis
 
 
 def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
-    """Raise ValueError if the number of ring teeth differs too much from z_s + 2 z_p.
+    """Raise an `InputError` if the number of ring teeth differs too much from z_s + 2 z_p.
 
     z_s and z_p are the tooth numbers of sun and planet. A small difference is allowed if a gear has
-    a profile shift or the `centre_distance` in m is not None. Nothing is checked unless the
-    arguments are three `SpurGear` with the same module, pressure angle and helix angle.
+    a profile shift or the `centre_distance` is given. The check is skipped unless the gears are
+    `SpurGear` objects with equal module, pressure angle and helix angle.
     """
     gears = (sun, planet, ring)
     if not all(isinstance(gear, SpurGear) for gear in gears):
         return
-    # Only gears with teeth of one size can mesh, so that the formula for the ring teeth holds.
+    # The formula for the ring teeth holds for gears that can mesh, i.e. with one tooth size.
     tooth_sizes = {(gear.module, gear.pressure_angle, abs(gear.helix_angle)) for gear in gears}
     ideal_ring_teeth = sun.teeth + 2 * planet.teeth
     shifted = centre_distance is not None or any(gear.shift for gear in gears)
@@ -153,15 +153,14 @@ def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
 
 
 def _check_planet_spacing(sun_mesh: GearStage, count: int, angles: Sequence[float]) -> None:
-    """Raise ValueError if the tip circles of neighbouring planets overlap.
+    """Raise an `InputError` if the tip circles of adjacent planets overlap.
 
-    `sun_mesh` is the `GearStage` of sun and planet, `count` is the number of planets, and `angles`,
-    in rad, are their positions around the sun.
+    `count` is the number of planets, and `angles` in rad are their positions around the sun.
     """
     sorted_angles = sorted(angle % math.tau for angle in angles)
-    neighbours = pairwise([*sorted_angles, sorted_angles[0] + math.tau])
-    spacings = [next_angle - angle for angle, next_angle in neighbours]
-    # The axes of neighbouring planets are a chord of the circle around the sun apart.
+    adjacent_angles = pairwise([*sorted_angles, sorted_angles[0] + math.tau])
+    spacings = [next_angle - angle for angle, next_angle in adjacent_angles]
+    # The distance of adjacent planet axes is a chord of their circle around the sun.
     distance = 2.0 * sun_mesh.centre_distance * math.sin(min(*spacings, math.pi) / 2.0)
     tip_diameter = sun_mesh.wheel.tip_diameter
     allowed = (

@@ -1,8 +1,8 @@
 """Geometry of a gear and its parts: material, basic rack, web and tip relief (ISO 21771, ISO 53).
 
-The formulas follow ISO 21771, which gives a ring gear a negative number of teeth; here it has
+The formulas follow ISO 21771, in which a ring gear has a negative number of teeth; here it has
 ``sign = -1``, and all diameters are positive. A positive profile shift moves the teeth towards
-their tips, and the teeth of a ring gear towards its axis. A gap is the distance between two flanks
+their tips, i.e. those of a ring gear towards its axis. A gap is the distance between two flanks
 along the line of action, in m. `gearlib.models.geometry.gear_stage` defines positions on the path
 of contact.
 """
@@ -38,20 +38,20 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike
 
-#: How far the profile shift may lie below the undercut limit. For 17 teeth without profile shift,
-#: the textbook limit, it lies 0.006 below, and the rack removes less than a thousandth of a module.
+#: Allowed undershoot of the profile shift below the undercut limit. At the textbook limit, 17 teeth
+#: without profile shift, it is 0.006, and the undercut is less than a thousandth of a module.
 _UNDERCUT_TOLERANCE = 0.02
 
 
 def inv(angle: float) -> float:
-    """Return the involute function tan(angle) - angle of an angle in rad; ISO 21771."""
+    """Return the involute function, tan(angle) - angle, of an angle in rad; ISO 21771."""
     return math.tan(angle) - angle
 
 
 def inverse_involute(involute: float) -> float:
-    """Return the angle in [0, pi / 2) with a given value of the involute function.
+    """Return the angle in [0, pi / 2) whose involute function, tan(angle) - angle, is `involute`.
 
-    `involute` is this value, inv(angle) = tan(angle) - angle, a number >= 0.
+    `involute` must be >= 0.
     """
     # Newton's method converges from above, because the involute function is convex.
     tangent = involute + math.pi / 2.0
@@ -60,7 +60,7 @@ def inverse_involute(involute: float) -> float:
         step = (tangent - math.atan(tangent) - involute) * (1.0 + tangent**2) / tangent**2
         tangent -= step
         if tangent <= 0.0:
-            return 0.0  # Rounding has carried the iterations of a tiny angle past 0.
+            return 0.0  # For tiny angles, rounding errors can lead to negative iterates.
         if abs(step) <= 1e-15 * tangent:
             break
     return math.atan(tangent)
@@ -92,7 +92,7 @@ class Rack:
     ] = 0.38
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless the radius of the rack's tip is smaller than its dedendum."""
+        """Raise an `InputError` unless the tip radius is smaller than the dedendum."""
         allowed = f">= 0 and below the dedendum, {self.dedendum}"
         valid = self.tip_radius < self.dedendum
         checks.require(valid, "tip_radius", self.tip_radius, allowed)
@@ -116,7 +116,7 @@ class Web:
     hub_diameter: Annotated[Diameter, described("Outside of the hub, smaller than rim_diameter")]
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless the rim has a larger diameter than the hub."""
+        """Raise an `InputError` unless the rim has a larger diameter than the hub."""
         valid = self.rim_diameter > self.hub_diameter
         allowed = f"above hub_diameter, {self.hub_diameter!r}"
         checks.require(valid, "rim_diameter", self.rim_diameter, allowed)
@@ -128,13 +128,13 @@ Shape = Annotated[Literal["linear", "parabolic"], CHOICE]
 
 
 def tip_relief_gap(tip_distance, amount, length, shape: str) -> "np.ndarray":
-    """Return the gap between the flanks that a tip relief, material removed at the tip, leaves, m.
+    """Return the gap in m between the flanks due to a tip relief, material removed at the tip.
 
-    `tip_distance` is the distance from the end of contact at the tip along the path of contact,
-    `amount` the gap at the tip and `length` the length of the relief, all in m and of shapes that
-    numpy can broadcast. `shape` is "linear" or "parabolic", the course of the gap along the length.
+    `tip_distance` is the distance along the path of contact from its end at the tip, `amount` is
+    the gap at the tip, and `length` is the length of the relief; all are in m and are broadcast.
+    `shape` is "linear" or "parabolic".
     """
-    import numpy as np  # Imported here, because the checks of the geometry need no numpy.
+    import numpy as np  # not needed for the checks of the geometry
 
     fraction = np.maximum(1.0 - np.asarray(tip_distance) / length, 0.0)
     return amount * fraction ** SHAPES[shape]
@@ -180,7 +180,7 @@ class PathTable:
     ]
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless positions increase strictly and each position has a value.
+        """Raise ValueError unless positions strictly increase and there is one value for each.
 
         The table must have at least one point.
         """
@@ -272,9 +272,9 @@ class SpurGear:
     ] = ()
 
     def __post_init__(self) -> None:
-        """Set the rack and the default tip diameter, and check the teeth and the gear blank.
+        """Set the rack and the default tip diameter; check the teeth and the gear blank.
 
-        A rack given by its letter is replaced by this `Rack` of ISO 53.
+        If `rack` is a letter, it is replaced by the corresponding `Rack` of ISO 53.
         """
         if isinstance(self.rack, str):
             object.__setattr__(self, "rack", RACKS[self.rack])
@@ -282,20 +282,19 @@ class SpurGear:
         self._check_blank()
 
     def _set_tip_and_check_teeth(self) -> None:
-        """Set the default tip diameter, and raise ValueError if the teeth are impossible.
+        """Set the default tip diameter; raise an `InputError` if the teeth are impossible.
 
-        The basic rack, the tool that generates the teeth, must not have pointed tips and must not
-        undercut the teeth. The tip of the teeth must lie outside of the base circle and must not be
-        pointed. There must be no pitch errors or one for each tooth, and a tip relief must be
-        thinner than half of the tip.
+        The basic rack must not have pointed tips and must not undercut the teeth. The tip circle
+        must be outside the base circle, and the teeth must not be pointed. If there are pitch
+        errors, there must be one per tooth. A tip relief must be thinner than half of the tip.
         """
         rack, root_diameter, base_diameter = self.rack, self.root_diameter, self.base_diameter
         max_dedendum = math.pi / 4.0 / math.tan(self.pressure_angle)
         allowed = f"<= {max_dedendum:.4g} at this pressure angle, where its own tips are pointed"
         checks.require(rack.dedendum <= max_dedendum, "rack.dedendum", rack.dedendum, allowed)
         if not self.internal:
-            # The lowest straight point of the rack must not cut below the base circle, where the
-            # involute starts. This limits the profile shift, which is in modules.
+            # The end of the straight flank of the rack must not cut below the point of tangency
+            # with the base circle. This limits the profile shift, which is in modules.
             reference_radius = self.teeth / (2.0 * math.cos(self.helix_angle))  # in modules
             form_height = self.rack_form_height / self.module
             depth = reference_radius * math.sin(self.transverse_pressure_angle) ** 2
@@ -309,7 +308,7 @@ class SpurGear:
             valid = not self.internal or self.tip_diameter > base_diameter
             allowed = "larger, or a tip_diameter be given outside of its base circle"
             checks.require(valid, "teeth", self.teeth, allowed)
-        # The tips of a ring gear point to its axis, inside of the root circle.
+        # The tip circle of a ring gear is inside its root circle.
         if self.internal:
             min_diameter, max_diameter = base_diameter, root_diameter
             allowed = f"from {min_diameter:.6g} to {max_diameter:.6g} m"
@@ -320,8 +319,10 @@ class SpurGear:
         valid = min_diameter < self.tip_diameter < max_diameter
         checks.require(valid, "tip_diameter", self.tip_diameter, allowed)
         tip_thickness = self.thickness_at(self.tip_diameter)
-        allowed = "such that the tooth is not pointed"
-        allowed += f" (its tip would be {tip_thickness:.3g} m thick; > 0 is allowed)"
+        allowed = (
+            "such that the tooth is not pointed "
+            f"(its tip would be {tip_thickness:.3g} m thick; > 0 is allowed)"
+        )
         checks.require(tip_thickness > 0.0, "tip_diameter", self.tip_diameter, allowed)
         allowed = f"{self.teeth} numbers, one for each tooth"
         valid = len(self.pitch_errors) in (0, self.teeth)
@@ -332,10 +333,9 @@ class SpurGear:
             checks.require(amount < tip_thickness / 2.0, "tip_relief.amount", amount, allowed)
 
     def _check_blank(self) -> None:
-        """Raise ValueError if bore, outer diameter or web do not fit the root circle of the gear.
+        """Raise an `InputError` if bore, outer diameter or web do not fit the root circle.
 
-        A web is a thin part between rim and hub. A ring gear has no bore and no web, and only a
-        ring gear has an outer diameter.
+        A ring gear has no bore and no web, and only a ring gear has an outer diameter.
         """
         root_diameter, internal, web = self.root_diameter, self.internal, self.web
         if internal:
@@ -404,37 +404,37 @@ class SpurGear:
 
     @property
     def fillet_radius(self) -> float:
-        """Tip radius of the basic rack in m, which cuts the fillet of the teeth.
+        """Tip radius rho_fP of the basic rack in the normal section, which cuts the fillet, m.
 
-        It is the radius rho_fP in the normal section, at most that of a fully rounded tip.
+        It is at most the radius of a fully rounded tip.
         """
         angle = self.pressure_angle
-        # The round tip must fit between both flanks of the rack, whose distance at the tip line is
-        # twice `half_width`.
+        # Half the distance between both flanks of the rack at its tip line.
         half_width = (math.pi / 4.0 - self.rack.dedendum * math.tan(angle)) * self.module
-        full_round = max(half_width, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
-        return min(self.rack.tip_radius * self.module, full_round)
+        max_radius = max(half_width, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
+        return min(self.rack.tip_radius * self.module, max_radius)
 
     @property
     def rack_form_height(self) -> float:
         """Height h_FfP of the straight flank of the rack below its datum line, m; ISO 21771."""
-        round_height = self.fillet_radius * (1.0 - math.sin(self.pressure_angle))
-        return self.rack.dedendum * self.module - round_height
+        rounded_height = self.fillet_radius * (1.0 - math.sin(self.pressure_angle))
+        return self.rack.dedendum * self.module - rounded_height
 
     @property
     def form_roll_length(self) -> float:
-        """Radius of curvature of the involute where it begins above the fillet, m; >= 0.
+        """Radius of curvature of the involute at its start above the fillet, m; >= 0.
 
         For external gears it is r_b tan(alpha_t) - (h_FfP - x m_n) / sin(alpha_t), ISO 21771, with
         the height h_FfP of the straight flank of the rack and the profile shift x m_n. The involute
-        of a ring gear is assumed to reach its root circle.
+        of a ring gear is assumed to end at the root circle.
         """
         base_radius = self.base_diameter / 2.0
         if self.internal:
             return math.sqrt((self.root_diameter / 2.0) ** 2 - base_radius**2)
         angle = self.transverse_pressure_angle
-        below_pitch_point = (self.rack_form_height - self.shift * self.module) / math.sin(angle)
-        return max(base_radius * math.tan(angle) - below_pitch_point, 0.0)
+        # Length of the line of action between the start of the involute and the pitch point.
+        length = (self.rack_form_height - self.shift * self.module) / math.sin(angle)
+        return max(base_radius * math.tan(angle) - length, 0.0)
 
     @property
     def tip_roll_length(self) -> float:
@@ -443,17 +443,19 @@ class SpurGear:
 
     @property
     def tooth_thickness(self) -> float:
-        """Transverse tooth thickness s_t on the reference circle, with its allowance, m."""
+        """Transverse tooth thickness s_t on the reference circle, including the allowance, m."""
         nominal = math.pi / 2.0 + 2.0 * self.shift * math.tan(self.pressure_angle)
         return (self.module * nominal + self.thickness_allowance) / math.cos(self.helix_angle)
 
     @checked
     def thickness_at(self, diameter: Length) -> float:
         """Return the transverse tooth thickness on a circle of a diameter >= d_b, m; ISO 21771."""
-        # The pressure angle of the involute on this circle; rounding may give a cosine above 1.
+        # Pressure angle on this circle; rounding errors may give a cosine above 1.
         angle = math.acos(min(self.base_diameter / diameter, 1.0))
-        narrowing = inv(self.transverse_pressure_angle) - inv(angle)
-        return diameter * (self.tooth_thickness / self.reference_diameter + self.sign * narrowing)
+        involute_difference = inv(self.transverse_pressure_angle) - inv(angle)
+        return diameter * (
+            self.tooth_thickness / self.reference_diameter + self.sign * involute_difference
+        )
 
     @property
     def pitch_deviation(self) -> float:
@@ -466,10 +468,10 @@ class SpurGear:
         return self._tolerance(5.5e-4 * self.module + 5e-6)
 
     def _tolerance(self, class_5_tolerance: float) -> float:
-        """Return the tolerance in m for the `quality` (tolerance class) of the gear.
+        """Return the tolerance in m for the `quality`, i.e. tolerance class, of the gear.
 
-        It is the tolerance in class 5 times sqrt(2) for each coarser class, ISO 1328-1. Raises
-        ValueError if the gear has no quality.
+        It increases by a factor sqrt(2) per class from the tolerance in class 5, ISO 1328-1. Raise
+        an `InputError` if the gear has no quality.
         """
         allowed = "an integer from 1 to 11, or the deviations must be given"
         checks.require(self.quality is not None, "quality", None, allowed)
@@ -487,16 +489,15 @@ class SpurGear:
 
     @property
     def inertia(self) -> float:
-        """Moment of inertia about the axis, of the same body as the mass, kg m^2; ISO 6336-1."""
+        """Moment of inertia about the axis, of the same body as `mass`, kg m^2; ISO 6336-1."""
         return self._mass_or_inertia(power=4, factor=math.pi / 32.0)
 
     def _mass_or_inertia(self, power: int, factor: float) -> float:
-        """Return factor * density * width * (outer^power - inner^power) of the gear as a ring.
+        """Return factor * density * width * (outer^power - inner^power) for the gear as a ring.
 
         Power 2 with factor pi / 4 gives the mass in kg, power 4 with pi / 32 the moment of inertia
-        in kg m^2. `outer` and `inner` are diameters in m. On the toothed side the diameter is the
-        mean of tip and root, which replaces the teeth by a full ring (ISO 6336-1). The recess
-        beside a web is subtracted.
+        in kg m^2. `outer` and `inner` are diameters in m; the toothed one is the mean of tip and
+        root diameter (ISO 6336-1). The recesses beside a web are subtracted.
         """
         outer, inner = self.mean_diameter, self.bore
         if self.internal:

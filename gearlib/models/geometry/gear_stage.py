@@ -1,12 +1,12 @@
 """Two gears in mesh: working pressure angle, path of contact, contact ratio, backlash and
 interference.
 
-A position on the path of contact is the radius of curvature of the flank of the pinion in m; it is
-0 where the line of action touches the base circle of the pinion. The pinion drives. Contact begins
-at ``path[0]``, at the tip of the wheel, and ends at ``path[1]``, at the tip of the pinion.
+A position on the path of contact is the radius of curvature of the pinion's flank in m, which is 0
+where the line of action touches the base circle of the pinion. The pinion drives. Contact begins at
+``path[0]``, at the tip of the wheel, and ends at ``path[1]``, at the tip of the pinion.
 
-The mesh phase is 0 in the middle of the segment with the larger number of pairs of teeth in
-contact, as in `gearlib.engines.pair.stiffness`; one transverse base pitch is 2 pi.
+The mesh phase is 0 in the middle of the segment with the larger number of tooth pairs in contact,
+as in `gearlib.engines.pair.stiffness`; a transverse base pitch corresponds to 2 pi.
 """
 
 import math
@@ -41,17 +41,16 @@ from gearlib.parameters import (
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh_stiffness import MeshStiffness
 
-#: Largest backlash, in modules, that may follow from rounded shifts and centre distances.
+#: A smaller absolute backlash, in modules, is attributed to rounded input and treated as 0.
 _MAX_ROUNDED_BACKLASH = 1e-3
-#: Largest depth of contact below the start of the involute, in modules. The fillet deviates there
-#: from the involute by only 0.002 modules, and rings of published planetary sets reach a depth of
-#: 0.03.
+#: Largest depth of contact below the start of the involute, in modules. The deviation of the fillet
+#: from the involute is only 0.002 modules there, and rings of published planetary sets reach 0.03.
 _MAX_FILLET_CONTACT = 0.05
-#: Models of a mesh of a train, see `gearlib.Mesh.from_geometry`.
+#: Models of a mesh in a gear train, see `gearlib.Mesh.from_geometry`.
 TRAIN_MODELS = "teeth", "rectangle"
-#: Options of the energy method that concern single pairs of teeth.
+#: Options of the energy method that apply to single tooth pairs.
 PAIR_OPTIONS = "coupling", "twist"
-#: Largest static deflection, in modules: a hardened tooth breaks at about 0.02, plastic at 0.1.
+#: Largest static deflection, in modules; hardened teeth break at about 0.02, plastic at 0.1.
 MAX_DEFLECTION = 0.1
 
 
@@ -85,9 +84,9 @@ class GearStage:
     ] = None
 
     def __post_init__(self) -> None:
-        """Check that both gears fit together, and set default centre distance and backlash.
+        """Check that both gears fit together; set the default centre distance and backlash.
 
-        By default the centre distance leaves no backlash between the nominal teeth.
+        The default centre distance is that of zero backlash between the nominal teeth.
         """
         self._check_gears()
         base_diameter_sum = self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)
@@ -95,8 +94,8 @@ class GearStage:
         if self.centre_distance is None:
             distance = min_distance / math.cos(self._zero_backlash_angle())
             object.__setattr__(self, "centre_distance", distance)
-        allowed = f"finite and > {min_distance:.6g} m, where the base circles would have no line of"
-        allowed += " action"
+        reason = "where the base circles would have no line of action"
+        allowed = f"finite and > {min_distance:.6g} m, {reason}"
         distance = self.centre_distance
         checks.require(min_distance < distance < math.inf, "centre_distance", distance, allowed)
         self._check_interference()
@@ -105,16 +104,15 @@ class GearStage:
         self._set_backlash()
 
     def _check_relief_lengths(self) -> None:
-        """Raise ValueError if a tip relief is longer than `longest_relief`.
+        """Raise an `InputError` if a tip relief is longer than `longest_relief`.
 
-        That length leaves an involute, without relief, wherever a single pair of teeth is in
-        contact.
+        Up to that length, a single tooth pair in contact has no relief.
         """
         reason = "half of the path of contact"
         if self.contact_ratio >= 1.0:
             reason = "(eps_alpha - 1) p_bt, or single contact has no involute"
         allowed = f"<= {self.longest_relief:.6g} m, {reason}"
-        # The tolerance allows for the rounding error of a length that equals the longest.
+        # The tolerance allows for rounding errors.
         max_length = self.longest_relief * (1.0 + 1e-9)
         for name, gear in (("pinion", self.pinion), ("wheel", self.wheel)):
             if gear.tip_relief is not None:
@@ -122,14 +120,14 @@ class GearStage:
                 checks.require(length <= max_length, f"{name}.tip_relief.length", length, allowed)
 
     def _signed_sum(self, pinion_value: float, wheel_value: float) -> float:
-        """Return the sum of the values of both gears, or pinion minus wheel for a ring gear."""
+        """Return pinion_value + wheel_value, or their difference if the wheel is a ring gear."""
         return pinion_value + self.wheel.sign * wheel_value
 
     def _check_gears(self) -> None:
-        """Raise ValueError unless the gears agree in module and angles and can form a stage.
+        """Raise an `InputError` unless both gears have the same module and angles.
 
-        Helix angles of an external mesh may also have opposite signs. The pinion must be external,
-        and an internal wheel, a ring gear, must have more teeth than the pinion.
+        The helix angles of an external mesh may also have opposite signs. The pinion must be
+        external, and a ring gear must have more teeth than the pinion.
         """
         pinion, wheel = self.pinion, self.wheel
         allowed = "False; the ring gear is the wheel"
@@ -149,11 +147,10 @@ class GearStage:
             checks.require(wheel.teeth > pinion.teeth, "wheel.teeth", wheel.teeth, allowed)
 
     def _check_contact_ratio(self) -> None:
-        """Raise ValueError unless a pair of teeth is always in contact somewhere on the face.
+        """Raise an `InputError` unless at least one tooth pair is always in contact.
 
-        Spur gears need a transverse contact ratio of at least 1. Helical gears, with an overlap
-        ratio > 0, need only a total contact ratio above 1, because the slices of their faces mesh
-        one after another.
+        Spur gears need a transverse contact ratio >= 1. Helical gears need only a total contact
+        ratio > 1, because their contact moves across the face width.
         """
         if self.contact_ratio >= 1.0:
             return
@@ -168,29 +165,28 @@ class GearStage:
             raise checks.InputError("contact_ratio", ratio, f"{minimum}; {advice}")
 
     def _zero_backlash_angle(self) -> float:
-        """Return the working pressure angle alpha_wt at which there is no backlash, rad.
+        """Return the working pressure angle alpha_wt for zero backlash, rad.
 
         inv(alpha_wt) = inv(alpha_t) + 2 tan(alpha_n) (x_1 + x_2) / (z_1 + z_2), ISO 21771, with the
-        involute function inv, the profile shifts x and the tooth numbers z. Tooth numbers of a ring
-        gear are negative.
+        involute function inv, the profile shifts x and the tooth numbers z, which are negative for
+        ring gears.
         """
         tooth_sum = self._signed_sum(self.pinion.teeth, self.wheel.teeth)
         shift_sum = self.pinion.shift + self.wheel.shift
         involute = inv(self.pinion.transverse_pressure_angle)
         involute += 2.0 * math.tan(self.pinion.pressure_angle) * shift_sum / tooth_sum
-        allowed = "such that the gears find a centre distance without backlash"
+        allowed = "such that the gears have a centre distance without backlash"
         checks.require(involute > 0.0, "wheel.shift", self.wheel.shift, allowed)
         return inverse_involute(involute)
 
     def _check_interference(self) -> None:
-        """Raise ValueError if a tip would touch the fillet, the root or a tip of the other gear.
+        """Raise an `InputError` if a tip interferes with the fillet, root or tip of the other gear.
 
-        The tips of both gears are checked in turn. Tips can strike each other only in an internal
-        mesh.
+        Interference of tips is possible in internal meshes only.
         """
         pinion, wheel, (start, end) = self.pinion, self.wheel, self.path
-        # Contact starts or ends at the tip of a gear. There the flank of its mate has the radius of
-        # curvature in the last column.
+        # Gear whose tip is in contact at the start or end of the path, its name, its mate, and the
+        # radius of curvature of the mate's flank there.
         end_contacts = (
             (wheel, "wheel", pinion, start),
             (pinion, "pinion", wheel, self.wheel_roll_length(end)),
@@ -198,7 +194,7 @@ class GearStage:
         for gear, name, mate, roll_length in end_contacts:
             base_radius, form_roll_length = mate.base_diameter / 2.0, mate.form_roll_length
             form_radius = math.hypot(form_roll_length, base_radius)
-            # The depth of contact below the circle where the involute of the mate begins.
+            # Depth of contact below the start of the mate's involute.
             depth = mate.sign * (form_radius - math.hypot(roll_length, base_radius))
             checks.require(
                 roll_length >= 0.0 and depth <= _MAX_FILLET_CONTACT * mate.module,
@@ -210,8 +206,9 @@ class GearStage:
             )
         for gear, mate, name in ((pinion, wheel, "pinion"), (wheel, pinion, "wheel")):
             clearance = self._clearance(gear, mate)
-            allowed = "such that tip and root keep clear of each other"
-            allowed += f" (clearance {clearance:.4g} m)"
+            allowed = (
+                f"such that tip and root keep clear of each other (clearance {clearance:.4g} m)"
+            )
             field = f"{name}.tip_diameter"
             checks.require(clearance >= 0.0, field, gear.tip_diameter, allowed)
         if wheel.internal:
@@ -224,10 +221,7 @@ class GearStage:
             )
 
     def _clearance(self, gear: SpurGear, mate: SpurGear) -> float:
-        """Return the bottom clearance between the tip of a gear and the root of its mate, m.
-
-        In an internal mesh it is measured between the ring gear and the pinion inside of it.
-        """
+        """Return the bottom clearance between the tip of a gear and the root of its mate, m."""
         if not self.wheel.internal:
             return self.centre_distance - (gear.tip_diameter + mate.root_diameter) / 2.0
         if gear.internal:
@@ -243,44 +237,45 @@ class GearStage:
         return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
 
     def _has_tip_clearance(self) -> bool:
-        """Return whether the tips of a pinion and its ring gear clear each other.
+        """Return whether an internal mesh is free of tip interference.
 
-        They could strike each other (tip interference) where their tip circles cross. The angles
-        are measured from the line of centres, around the axis of each gear.
+        Tips could collide where the tip circles intersect. All angles are measured from the line of
+        centres around the axis of each gear.
         """
         a, angle = self.centre_distance, self.working_pressure_angle
-        pinion_tip, ring_tip = (
-            self.pinion.tip_diameter / 2.0,
-            self.wheel.tip_diameter / 2.0,
-        )  # radii
-        cosine = (ring_tip**2 - pinion_tip**2 - a**2) / (2.0 * a * pinion_tip)
+        pinion_radius = self.pinion.tip_diameter / 2.0
+        ring_radius = self.wheel.tip_diameter / 2.0
+        cosine = (ring_radius**2 - pinion_radius**2 - a**2) / (2.0 * a * pinion_radius)
         if abs(cosine) >= 1.0:
-            return True  # The tip circles do not cross.
-        ring_crossing = math.acos((a**2 + ring_tip**2 - pinion_tip**2) / (2.0 * a * ring_tip))
+            return True  # The tip circles do not intersect.
+        # Angle of the intersection, as seen from the axis of the ring gear.
+        intersection_angle = math.acos(
+            (a**2 + ring_radius**2 - pinion_radius**2) / (2.0 * a * ring_radius)
+        )
         gears = self.pinion, self.wheel
         tip_angles = [math.acos(gear.base_diameter / gear.tip_diameter) for gear in gears]
-        # The pinion rotates by this angle from contact at the pitch point until its tip reaches the
-        # crossing of the tip circles; the ring gear rotates less by the ratio of tooth numbers.
+        # Rotation of the pinion from contact at the pitch point until its tip reaches the
+        # intersection of the tip circles.
         pinion_rotation = math.acos(cosine) + inv(tip_angles[0]) - inv(angle)
         ring_rotation = pinion_rotation * (self.pinion.teeth / self.wheel.teeth)
-        return ring_rotation + inv(angle) - inv(tip_angles[1]) >= ring_crossing
+        return ring_rotation + inv(angle) - inv(tip_angles[1]) >= intersection_angle
 
     def _set_backlash(self) -> None:
-        """Check a given backlash, or set the backlash that the geometry of the gears leaves.
+        """Check the given backlash, or compute it from the geometry of the gears.
 
-        A backlash of 0 up to rounding becomes the one that ISO/TR 10064-2 recommends, unless a
-        tooth thickness allowance is given.
+        If it is zero up to rounding errors, the backlash recommended by ISO/TR 10064-2 is used,
+        unless a tooth thickness allowance is given.
         """
         if self.backlash is not None:
             allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
-            # If the value would be valid in um (values >= 1) or mm, the message suggests this unit.
+            # The message suggests um (for values >= 1) or mm if the value would be valid then.
             example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
             backlash_type = Annotated[float, Le(self.base_pitch), Unit("m", example)]
             allowed += parameters.unit_hint(self.backlash, backlash_type)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
-        # The backlash is the pitch minus both tooth thicknesses on the working circles, along the
-        # normal.
+        # The backlash is the pitch minus both tooth thicknesses on the working pitch circles; it is
+        # then projected on the normal.
         cosine, module = math.cos(self.working_pressure_angle), self.pinion.module
         gears = (self.pinion, self.wheel)
         thicknesses = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
@@ -291,8 +286,10 @@ class GearStage:
                 backlash = max(backlash, 0.0)
             else:
                 backlash = self.recommended_backlash
-        allowed = ">= 0; shifts, allowances of the tooth thickness and centre_distance leave"
-        allowed += " too little room"
+        reason = (
+            "shifts, allowances of the tooth thickness and centre_distance leave too little room"
+        )
+        allowed = f">= 0; {reason}"
         checks.require(backlash >= 0.0, "backlash", backlash, allowed)
         object.__setattr__(self, "backlash", backlash)
 
@@ -304,8 +301,8 @@ class GearStage:
     @property
     def working_pressure_angle(self) -> float:
         """Working pressure angle alpha_wt = arccos((r_b1 +- r_b2) / a), rad; ISO 21771."""
-        base = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
-        return math.acos(base / self.centre_distance)
+        base_diameter_sum = self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)
+        return math.acos(abs(base_diameter_sum) / 2.0 / self.centre_distance)
 
     @property
     def base_pitch(self) -> float:
@@ -360,11 +357,11 @@ class GearStage:
         return self.contact_ratio + self.overlap_ratio
 
     def phase_of(self, position: float) -> float:
-        """Return the mesh phase in [0, 2 pi) at which a pair of teeth touches at a position.
+        """Return the mesh phase in [0, 2 pi) at which a tooth pair is in contact at a position.
 
-        `position` is a point of the path of contact, in m, in the middle of the face of helical
-        gears. The mesh phase is 0 in the middle of the segment with the most pairs in contact,
-        whose length in base pitches is the fractional part of the contact ratio.
+        `position` in m is on the path of contact, for helical gears in the middle of the face. The
+        phase is 0 in the middle of the segment with the most pairs in contact, whose length in base
+        pitches is the fractional part of the contact ratio.
         """
         fraction = self.contact_ratio - math.floor(self.contact_ratio)
         pitches = (position - self.path[0]) / self.base_pitch
@@ -372,15 +369,15 @@ class GearStage:
 
     @property
     def pitch_phase(self) -> float:
-        """Mesh phase at which a pair touches at the pitch point, rad."""
+        """Mesh phase at which a tooth pair is in contact at the pitch point, rad."""
         return self.phase_of(self.pitch_point)
 
     @property
     def pitch_errors(self) -> tuple[float, ...]:
-        """Pitch errors of successive pairs of teeth until the same teeth meet again, m.
+        """Pitch errors of successive tooth pairs until the same teeth meet again, m.
 
-        The pitch error of a pair is the sum of the errors of its two teeth. It is (0,) if the gears
-        have no pitch errors.
+        The pitch error of a pair is the sum of the errors of its two teeth. Without pitch errors of
+        the gears, the result is (0,).
         """
         pinion_errors = self.pinion.pitch_errors or (0.0,)
         wheel_errors = self.wheel.pitch_errors or (0.0,)
@@ -390,10 +387,9 @@ class GearStage:
 
     @property
     def tooth_stiffness(self) -> str:
-        """Default method of the tooth stiffness: "energy", or "iso" if a bore is too large.
+        """Default method of the tooth stiffness: "energy", or "iso" (ISO 6336) for large bores.
 
-        The energy method knows the compliance of gear bodies only up to this size of the bore;
-        "iso" is the stiffness of ISO 6336.
+        The energy method has data for the compliance of gear bodies only up to a limited bore.
         """
         for gear in (self.pinion, self.wheel):
             if gear.bore > gear.root_diameter / MIN_ROOT_RATIO:
@@ -426,33 +422,30 @@ class GearStage:
         return 1.0 / sum((gear.base_diameter / 2.0) ** 2 / gear.inertia for gear in gears)
 
     def load(self, torque: float) -> float:
-        """Return the force along the transverse line of action in N at a pinion torque in N m."""
+        """Return the force along the transverse line of action in N for a pinion torque in N m."""
         return torque / (self.pinion.base_diameter / 2.0)
 
     def tangential_force(self, torque: float) -> float:
-        """Return the force F_t at the reference circle in N at a pinion torque in N m."""
+        """Return the force F_t at the reference circle in N for a pinion torque in N m."""
         return torque / (self.pinion.reference_diameter / 2.0)
 
     def pitch_line_velocity(self, rpm: float) -> float:
-        """Return the velocity v of the reference circle in m/s at a speed of the pinion in rpm."""
+        """Return the velocity v at the reference circle in m/s for a pinion speed in rpm."""
         return math.pi * self.pinion.reference_diameter * rpm / 60.0
 
     def stiffness(self, method: Any = "iso", **options: Any) -> "MeshStiffness":
-        """Return the mesh stiffness as a `MeshStiffness`, by a method.
+        """Compute the mesh stiffness as a `MeshStiffness`.
 
         `method` is "iso" for ISO 6336, "energy" for the energy method or a `Tabulated` stiffness.
-        `options` are passed to `gearlib.geometry.mesh_stiffness`, such as the torque in N m.
+        `options`, such as the torque in N m, are passed to `gearlib.geometry.mesh_stiffness`.
         """
-        # Imported here, because the checks of the geometry need no numpy.
+        # This import loads NumPy, which the checks of the geometry do not need.
         from gearlib.models.geometry.mesh_stiffness import mesh_stiffness
 
         return mesh_stiffness(self, method, **options)
 
     def with_reliefs(self, pinion: TipRelief | None, wheel: TipRelief | None) -> "GearStage":
-        """Return a copy of the stage with other tip reliefs.
-
-        The arguments are those of both gears; None means that a gear has no tip relief.
-        """
+        """Return a copy of the stage with the given tip reliefs; None means no tip relief."""
         return replace(
             self,
             pinion=replace(self.pinion, tip_relief=pinion),
@@ -465,8 +458,8 @@ class GearStage:
     ) -> Any:
         """Return the static transmission error and the load sharing of the gears under load.
 
-        The module ``load_sharing`` in `gearlib.models.geometry` describes the model, which includes
-        the tip reliefs of the gears. Helical faces are divided into slices.
+        The tip reliefs of the gears are taken into account; helical faces are divided into slices.
+        The module ``gearlib.models.geometry.load_sharing`` describes the model.
 
         Parameters
         ----------
@@ -475,11 +468,11 @@ class GearStage:
         phases : int, default 256
             Number of phases in each mesh period, >= 8.
         stiffness : {"energy", "iso"} or PathTable, default "energy"
-            Stiffness of a pair of teeth: the energy method with constant Hertz contact; c' of ISO
+            Stiffness of a tooth pair: the energy method with constant Hertz contact; c' of ISO
             6336-1, which is constant along the path; or a table in N/m.
         coupling : float, optional
-            Fraction of the compliance of the gear bodies that all pairs have in common, from 0 to
-            1; by default a fit to finite elements. It has no effect if the stiffness is a table.
+            Fraction of the compliance of the gear bodies that all tooth pairs share, from 0 to 1;
+            by default a fit to finite elements. It has no effect if the stiffness is a table.
         twist : bool, default True
             Whether gear bodies twist about their bores; only for "energy".
         deviation : PathTable, optional
@@ -517,9 +510,9 @@ class GearStage:
     ) -> dict[str, float | None]:
         """Return the parameters of a `GearPair` with these gears as a dict, in SI units.
 
-        The load is given by the torque of the pinion in N m, or by the power in W at the speed in
-        rpm. `options` are the arguments of `GearPair.from_geometry` for damping and stiffness, such
-        as damping_ratio. Raises ValueError if the load deflects the teeth too far or the speed is
+        The load is given by the pinion torque in N m, or by the power in W at the speed in rpm.
+        `options` are the arguments of `GearPair.from_geometry` for damping and stiffness, such as
+        damping_ratio. Raise an `InputError` if the static deflection is too large or the speed is
         out of range.
         """
         load_argument = ("torque", torque, "N m") if power is None else ("power", power, "W")
@@ -549,27 +542,27 @@ class GearStage:
         """Return the parameters of a mesh in a gear train as a dict, in SI units.
 
         `gearlib.Mesh.from_geometry` describes the arguments; `torque` is the pinion torque in N m.
-        If the user gave another argument in place of the torque, `load_argument` is its (name,
-        value, physical unit), for error messages.
+        `load_argument` is (name, value, unit) of the argument that error messages name if the load
+        is not given by the torque.
         """
-        with_teeth = checks.check_choice("model", model, TRAIN_MODELS) == "teeth"
+        is_teeth_model = checks.check_choice("model", model, TRAIN_MODELS) == "teeth"
         if torque is not None:
             allowed = "a finite number, not 0; negative on the coast side"
             torque = check("torque", torque, Torque)
             checks.require(torque != 0.0, "torque", torque, allowed)
-        elif with_teeth:
+        elif is_teeth_model:
             problem = (
                 "is missing: it must be given in N m for the model 'teeth', whose transmission "
                 "error depends on it; the model 'rectangle' needs none"
             )
             raise checks.InputError("torque", problem=problem)
-        if with_teeth:
-            # Imported here, because the checks of the geometry need no numpy.
+        if is_teeth_model:
+            # This import loads NumPy, which the checks of the geometry do not need.
             from gearlib.models.geometry.transmission_error import transmission_error_harmonics
 
             method = self.tooth_stiffness if stiffness is None else stiffness
             stiffness = checks.check_choice("stiffness", method, ("energy", "iso"))
-        # Drive-side and coast-side flanks have the same stiffness, so the sign does not matter.
+        # The sign does not matter, because flanks of both sides have the same stiffness.
         magnitude = None if torque is None else abs(torque)
         parameters = self._mesh_parameters(
             torque=magnitude,
@@ -580,7 +573,7 @@ class GearStage:
         if torque is not None:
             load_argument = load_argument or ("torque", torque, "N m")
             mean_stiffness = self._compute_mean_stiffness(torque, parameters, *load_argument)
-        if with_teeth:
+        if is_teeth_model:
             options = options or {}
             pair_options = {name: options[name] for name in PAIR_OPTIONS if name in options}
             load = self.load(magnitude)
@@ -592,7 +585,7 @@ class GearStage:
                 ),
             }
         angle = self.working_pressure_angle
-        thicknesses = []  # tooth thicknesses over the pitch, on the working circles
+        thicknesses = []  # tooth thickness over pitch on the working pitch circles
         for gear in (self.pinion, self.wheel):
             diameter = gear.base_diameter / math.cos(angle)
             pitch = math.pi * diameter / gear.teeth
@@ -618,17 +611,17 @@ class GearStage:
         """Return the stiffness, backlash and damping of the mesh as a dict, in SI units.
 
         `torque` is the pinion torque in N m. At most one of `damping_ratio`,
-        `logarithmic_decrement` and `material_damping`, in N s/m, sets the damping in contact;
-        without any, the material damping is None. `backlash_damping_ratio` is the damping ratio in
-        free flight. `stiffness` is "iso", "energy" or a `Tabulated`, and `options` is a dict of
-        options of this method, or None.
+        `logarithmic_decrement` and `material_damping` (N s/m) gives the damping in contact; if none
+        is given, the material damping is None. `backlash_damping_ratio` is the damping ratio in
+        free flight. `stiffness` is "iso", "energy" or a `Tabulated`; `options` are the options of
+        this method, a dict or None.
         """
         options = checks.check_options(options)
-        # The stiffness of ISO 6336 needs no numpy, which `self.stiffness` loads.
+        # Unlike `self.stiffness`, the stiffness of ISO 6336 does not load NumPy.
         if isinstance(stiffness, str) and stiffness == "iso":
             max_stiffness, kappa, epsilon = iso_rectangle(self, torque=torque, **options)
         else:
-            # A rectangular stiffness over the mesh period stands for the stiffness of the method.
+            # The equivalent rectangle over the mesh period.
             rectangle = self.stiffness(stiffness, torque=torque, **options).ratios()
             max_stiffness, kappa, epsilon = rectangle.values()
         mean_stiffness = max_stiffness * mean_over_max(epsilon, kappa)
@@ -637,14 +630,13 @@ class GearStage:
             "logarithmic_decrement": logarithmic_decrement,
             "material_damping": material_damping,
         }
-        # Only the arguments that are given.
-        dampings = {name: value for name, value in dampings.items() if value is not None}
-        if len(dampings) > 1:
-            name, *other_names = dampings
+        given_dampings = {name: value for name, value in dampings.items() if value is not None}
+        if len(given_dampings) > 1:
+            name, *other_names = given_dampings
             problem = f"and {' and '.join(other_names)} are not allowed together"
             raise checks.InputError(name, problem=f"{problem}: it must be one of them")
         mass, damping = self.reduced_mass, None
-        for name, value in dampings.items():
+        for name, value in given_dampings.items():
             damping = resolve_damping(name, value, mean_stiffness, mass)
         return {
             "max_stiffness": max_stiffness,
@@ -658,20 +650,22 @@ class GearStage:
         }
 
     def _compute_mean_stiffness(self, torque, parameters, name, value, unit) -> float:
-        """Return the mean stiffness in N/m, or raise ValueError if the load deflects teeth too far.
+        """Return the mean stiffness in N/m; raise an `InputError` if the deflection is too large.
 
-        `torque` is the pinion torque in N m, and `parameters` is a dict with the max_stiffness,
+        `torque` is the pinion torque in N m; `parameters` is a dict with the max_stiffness,
         stiffness_ratio and contact_ratio of the mesh. `name`, `value` and `unit` describe the
-        argument that sets the load, such as the power in W, for the error message.
+        argument that gives the load, such as the power in W, for the error message.
         """
         contact_ratio, stiffness_ratio = parameters["contact_ratio"], parameters["stiffness_ratio"]
-        stiffness_quotient = mean_over_max(contact_ratio, stiffness_ratio)
-        mean_stiffness = parameters["max_stiffness"] * stiffness_quotient
+        mean_ratio = mean_over_max(contact_ratio, stiffness_ratio)
+        mean_stiffness = parameters["max_stiffness"] * mean_ratio
         deflection = abs(self.load(torque)) / mean_stiffness
-        # The deflection over the largest allowed one.
         deflection_ratio = deflection / (MAX_DEFLECTION * self.pinion.module)
-        allowed = f"at most {abs(value) / (deflection_ratio or 1.0):.4g} {unit}"
-        allowed += f", at which the static deflection is {MAX_DEFLECTION:g} modules"
+        max_value = abs(value) / (deflection_ratio or 1.0)
+        allowed = (
+            f"at most {max_value:.4g} {unit}, "
+            f"at which the static deflection is {MAX_DEFLECTION:g} modules"
+        )
         checks.require(deflection_ratio <= 1.0, name, value, allowed)
         return mean_stiffness
 
@@ -679,8 +673,8 @@ class GearStage:
 def six_degree_parameters(stage: GearStage) -> dict[str, Any]:
     """Return the parameters of a `SixDegreePair` that follow from a gear stage, in SI units.
 
-    They are base radii, moments of inertia, masses, tooth numbers and the pitch phase, the mesh
-    phase in rad of contact at the pitch point; each list has a value for (pinion, wheel).
+    Base radii, moments of inertia, masses and tooth numbers are lists for (pinion, wheel). The
+    pitch phase in rad is the mesh phase of contact at the pitch point.
     """
     gears = stage.pinion, stage.wheel
     return {
@@ -693,12 +687,11 @@ def six_degree_parameters(stage: GearStage) -> dict[str, Any]:
 
 
 def resolve_damping(name: str, value: float, stiffness: float, mass: float) -> float:
-    """Return the damping coefficient in N s/m that a damping parameter gives an oscillator.
+    """Convert a damping parameter of an oscillator to its damping coefficient in N s/m.
 
-    `name` says what `value` is: "material_damping" and "backlash_damping" are coefficients in N
-    s/m, "logarithmic_decrement" is a logarithmic decrement, and any other name means a damping
-    ratio. The oscillator has a `stiffness` in N/m and a `mass` in kg. Raises ValueError unless the
-    damping ratio is >= 0 and below 1.
+    `name` is the kind of `value`: "material_damping" or "backlash_damping" for a coefficient in
+    N s/m, "logarithmic_decrement", or any other name for a damping ratio. `stiffness` is in N/m and
+    `mass` in kg. Raise an `InputError` unless the damping ratio is >= 0 and < 1.
     """
     critical_damping = damping_coefficient(1.0, stiffness, mass)
     if name in ("material_damping", "backlash_damping"):
@@ -713,15 +706,15 @@ def resolve_damping(name: str, value: float, stiffness: float, mass: float) -> f
 
 
 def damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> float:
-    """Return the damping coefficient 2 beta sqrt(C_s m) in N s/m for a damping ratio beta."""
+    """Return the damping coefficient 2 beta sqrt(C_s m) in N s/m for the damping ratio beta."""
     return 2.0 * damping_ratio * math.sqrt(stiffness * mass)
 
 
 @checked
 def resolve_torque(torque: DrivingTorque | None, power: Power | None, speed: Speed | None) -> float:
-    """Return the torque of the pinion in N m, given directly or by power in W and speed in rpm.
+    """Return the pinion torque in N m, given directly or by power in W and speed in rpm.
 
-    Raises ValueError unless exactly one of torque and power is given, the power with the speed.
+    Raise an `InputError` unless either the torque is given, or the power together with the speed.
     """
     if torque is not None and power is not None:
         problem = "and power are not allowed together: it must be one of them"

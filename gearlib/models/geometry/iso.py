@@ -1,11 +1,12 @@
-"""Mesh stiffness and dynamic factor after ISO 6336-1, method B.
+"""Mesh stiffness and dynamic factor according to ISO 6336-1, method B.
 
-The standard distinguishes three ranges of N, the speed over the resonance speed n_E1. The teeth
-enter by B_p (base pitch), B_f (profile form) and B_k (tip relief), each the force c' f b of a
-deviation f over the load. The running-in allowances hold for case-hardened and nitrided steel.
+The standard distinguishes three ranges of N, the speed over the resonance speed n_E1. The effects
+of base pitch deviation (B_p), profile form deviation (B_f) and tip relief (B_k) are ratios of the
+force c' f b due to a deviation f to the load. The running-in allowances are for case-hardened and
+nitrided steel.
 
 The formulas and constants of the dynamic factor are taken from gfsReboucas/Drivetrain, a public
-program after the editions of 2006 and 2019, because the standard itself was not available. Several
+program for the editions of 2006 and 2019, because the standard itself was not available. Several
 other programs agree with it. A printed factor of KISSsoft shows that B_k is 1 from quality 6 on.
 """
 
@@ -22,18 +23,18 @@ if TYPE_CHECKING:
     from gearlib.models.geometry.gear import SpurGear
     from gearlib.models.geometry.gear_stage import GearStage
 
-#: Coefficients of q' with 1, 1/zn1, 1/zn2, x1, x1/zn1, x2, x2/zn2, x1^2, x2^2; mm um/N.
+#: Coefficients of q' for the terms 1, 1/zn1, 1/zn2, x1, x1/zn1, x2, x2/zn2, x1^2, x2^2; mm um/N.
 _FLEXIBILITY = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188)
 _FLEXIBILITY += (0.00529, 0.00182)
-_THEORY_FACTOR = 0.8  # C_M, the measured over the theoretical stiffness
-_STEEL_MODULUS = 206e9  # Pa, the modulus of elasticity for which c'th holds
-_FULL_STIFFNESS_FORCE = 100.0  # N/mm; below it c' falls with the force
-_FULL_RESONANCE_LOAD = 1e5  # N/m; below it the main resonance range begins at a lower speed
+_THEORY_FACTOR = 0.8  # C_M, measured over theoretical stiffness
+_STEEL_MODULUS = 206e9  # Pa, modulus of elasticity for which c'th is valid
+_FULL_STIFFNESS_FORCE = 100.0  # N/mm; below it, c' decreases with the force
+_FULL_RESONANCE_LOAD = 1e5  # N/m; below it, the main resonance range starts at a lower N
 _MAIN_RANGE_END, _UPPER_RANGE_START = 1.15, 1.5  # limits of N
-_FIRST_QUALITY_WITHOUT_RELIEF = 6  # tip relief has no effect from this quality on
+_FIRST_QUALITY_WITHOUT_RELIEF = 6  # no effect of tip relief from this quality on
 #: Short names of the methods of the mesh stiffness.
 METHOD_NAMES = {"iso": "ISO 6336-1", "energy": "energy method", "table": "table"}
-#: Smallest ratio of root and bore diameter for which the energy method knows the body compliance.
+#: Smallest ratio of root to bore diameter for which the energy method has a body compliance.
 MIN_ROOT_RATIO = 1.4
 
 
@@ -53,15 +54,15 @@ class IsoStiffness:
 def iso_stiffness(
     stage: "GearStage", torque: DrivingTorque | None = None, application_factor: Positive = 1.0
 ) -> IsoStiffness:
-    """Return the mesh stiffness after ISO 6336-1, method B, with its factors.
+    """Compute the mesh stiffness according to ISO 6336-1, method B, with its factors.
 
     Parameters
     ----------
     stage : GearStage
         Geometry of both gears.
     torque : float, optional
-        Torque of the pinion, N m; finite, > 0. Below F_t K_A / b = 100 N/mm, c' falls with the
-        fourth root of the force. Without a torque it does not.
+        Torque of the pinion, N m; finite, > 0. Below F_t K_A / b = 100 N/mm, c' is proportional to
+        the fourth root of the force. By default, the force is above this value.
     application_factor : float, default 1
         Application factor K_A; finite, > 0.
 
@@ -74,15 +75,15 @@ def iso_stiffness(
     -----
     The formula is not symmetric: number 1 is the gear with fewer teeth or, for equal tooth numbers,
     with the larger shift. The standard gives it for x_1 >= x_2 and -0.5 <= x_1 + x_2 <= 2; outside
-    this range it is an approximation. Materials other than steel enter by a factor of
-    2 E_1 E_2 / (E_1 + E_2) over 206 GPa, helical gears by cos(beta).
+    this range it is an approximation. For materials other than steel the result is multiplied by
+    2 E_1 E_2 / (E_1 + E_2) over 206 GPa, for helical gears by cos(beta).
 
     Raises
     ------
     ValueError
         If a value is impossible, or the transverse contact ratio is below 1.
     """
-    ratio = checks.check_gear_stage(stage).contact_ratio  # of the transverse section
+    ratio = checks.check_gear_stage(stage).contact_ratio
     allowed = ">= 1 for the mesh stiffness of ISO 6336-1; the energy method has no limit"
     checks.require(ratio >= 1.0, "contact_ratio", float(f"{ratio:.4f}"), allowed)
     return _compute_iso_stiffness(stage, torque, application_factor)
@@ -91,11 +92,11 @@ def iso_stiffness(
 def _compute_iso_stiffness(
     stage: "GearStage", torque: float | None = None, application_factor: float = 1.0
 ) -> IsoStiffness:
-    """Return the mesh stiffness after ISO 6336-1 without checking the contact ratio.
+    """Compute the mesh stiffness according to ISO 6336-1 without checking the contact ratio.
 
-    `torque` is the pinion torque in N m, or None for a high load, at which the stiffness does not
-    depend on it. `application_factor` is K_A, a factor on the load. For a contact ratio below 1 the
-    `mean` of the result makes no sense, but its other fields hold.
+    `torque` is the pinion torque in N m, or None for a load so high that the stiffness does not
+    depend on it; `application_factor` is the factor K_A on the load. If the contact ratio is below
+    1, only the field `mean` of the result is invalid.
     """
     gears = (stage.pinion, stage.wheel)
     if not stage.wheel.internal:
@@ -104,8 +105,8 @@ def _compute_iso_stiffness(
     z1, z2 = virtual_teeth
     x1, x2 = (gear.shift for gear in gears)
     terms = (1.0, 1.0 / z1, 1.0 / z2, x1, x1 / z1, x2, x2 / z2, x1**2, x2**2)
-    # The flexibility q' is a polynomial in 1 / z_n and x, with the virtual tooth numbers z_n and
-    # the profile shifts x of both gears.
+    # Flexibility q' as a polynomial in 1 / z_n and x, where z_n are the virtual tooth numbers and x
+    # the profile shifts of both gears.
     flexibility = sum(factor * term for factor, term in zip(_FLEXIBILITY, terms, strict=True))
     theoretical = 1.0 / flexibility
     angle_factor = 1.0 - 0.02 * (20.0 - math.degrees(stage.pinion.pressure_angle))
@@ -125,34 +126,35 @@ def _compute_iso_stiffness(
 
 
 def pair_stiffness(stage: "GearStage", **options: float | None) -> float:
-    """Return the stiffness of one pair of teeth over the face width after ISO 6336-1, N/m.
+    """Return the stiffness of one tooth pair according to ISO 6336-1, N/m.
 
-    `options` are the pinion `torque` in N m and the `application_factor` K_A, a factor on the load.
-    They matter only at low loads, at which the stiffness falls with the load.
+    `options` are the pinion `torque` in N m and the `application_factor` K_A on the load. They
+    matter only at low loads, where the stiffness decreases with the load.
     """
     # N/(mm um) is 1e9 N/m per m of face width.
     return _compute_iso_stiffness(stage, **options).single * 1e9 * stage.width
 
 
 def iso_rectangle(stage: "GearStage", **options: float | None) -> tuple[float, float, float]:
-    """Return the rectangular mesh stiffness after ISO 6336-1 as (C_max, kappa, epsilon).
+    """Return the rectangular mesh stiffness according to ISO 6336-1 as (C_max, kappa, epsilon).
 
     C_max is the larger stiffness in N/m, kappa the ratio of the smaller to the larger stiffness,
-    and epsilon - 1 the fraction of the mesh period with the stiffness C_max. The first pair of
-    teeth has the stiffness c', each further pair 0.75 c'. For helical gears the stiffness is
-    averaged over the face, and the rectangle has the extrema and the mean of this average.
-    `options` are the pinion `torque` in N m and the `application_factor` K_A of the load.
+    and epsilon - 1 the fraction of the mesh period with the stiffness C_max. The first tooth pair
+    has the stiffness c', each further pair 0.75 c'. For helical gears, the rectangle has the
+    extrema and the mean of the stiffness averaged over the face. `options` are the pinion `torque`
+    in N m and the `application_factor` K_A on the load.
     """
     checks.check_parameter_names("stiffness 'iso'", options, ("torque", "application_factor"))
     # N/(mm um) is 1e9 N/m per m of face width.
     single = iso_stiffness(stage, **options).single * 1e9 * stage.width
     fewer_pairs = math.floor(stage.contact_ratio)
     segment = stage.contact_ratio - fewer_pairs  # fraction of the period with one more pair
-    low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75  # stiffnesses, N/m
+    # Stiffness with fewer pairs, and increase due to one more pair, N/m.
+    low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75
     if not stage.overlap_ratio:
         return low + step, low / (low + step), 1.0 + segment
-    # A face spans whole mesh periods and a remainder. The stiffness is largest when as much of the
-    # remainder as possible lies in the segment with more pairs, and smallest when as little does.
+    # The face spans an integer number of mesh periods and a remainder. The stiffness has its
+    # extrema when the part of the remainder in the segment with more pairs has its extrema.
     periods = math.floor(stage.overlap_ratio)
     remainder = stage.overlap_ratio - periods
     max_part, min_part = min(remainder, segment), max(remainder - (1.0 - segment), 0.0)
@@ -160,7 +162,7 @@ def iso_rectangle(stage: "GearStage", **options: float | None) -> tuple[float, f
     min_fraction = (periods * segment + min_part) / stage.overlap_ratio
     high, low = low + step * max_fraction, low + step * min_fraction
     if 1.0 - low / high < 1e-12:
-        # At an integer overlap ratio the stiffness is constant, kappa = 1, with any epsilon.
+        # For an integer overlap ratio, the stiffness is constant; epsilon is then arbitrary.
         return high, 1.0, 1.5
     return high, low / high, 1.0 + (segment - min_fraction) / (max_fraction - min_fraction)
 
@@ -169,8 +171,8 @@ def _blank_factor(gear: "SpurGear") -> float:
     """Return the gear blank factor C_R of ISO 6336-1 for a gear with a web, 1 for a solid disc.
 
     C_R = 1 + ln(b_s / b) / (5 exp(s_R / (5 m_n))) with the thicknesses b_s of the web and s_R of
-    the rim, the face width b and the normal module m_n. The ratio b_s / b counts as at least 0.2,
-    and s_R / m_n as at least 1.
+    the rim, the face width b and the normal module m_n. Values of b_s / b below 0.2 are replaced by
+    0.2, values of s_R / m_n below 1 by 1.
     """
     if gear.web is None:
         return 1.0
@@ -206,7 +208,7 @@ def dynamic_factor(
     tip_relief: RunOut = 0.0,
     application_factor: Positive = 1.0,
 ) -> DynamicFactor:
-    """Return the dynamic factor of a mesh after ISO 6336-1, method B.
+    """Compute the dynamic factor of a mesh according to ISO 6336-1, method B.
 
     Parameters
     ----------
@@ -238,7 +240,7 @@ def dynamic_factor(
     -----
     For (v z_1 / 100) sqrt(u^2 / (1 + u^2)) below 3 m/s the standard advises its method C.
     """
-    import numpy as np  # Imported here, because the checks of the geometry need no numpy.
+    import numpy as np  # not needed for the checks of the geometry
 
     stiffness = iso_stiffness(checks.check_gear_stage(stage), torque, application_factor)
     try:
@@ -258,7 +260,7 @@ def dynamic_factor(
     if form_deviation is None:
         form_deviation = max(gear.form_deviation for gear in gears)
     pitch_deviation *= math.cos(stage.pinion.transverse_pressure_angle)
-    # Running in removes 7.5 % of both deviations, but at most 3 um.
+    # Running-in reduces both deviations by 7.5 %, but at most by 3 um.
     pitch_deviation -= min(0.075 * pitch_deviation, 3e-6)
     form_deviation -= min(0.075 * form_deviation, 3e-6)
     force_ratio_per_metre = 1e9 * stiffness.single / load_per_width
@@ -266,11 +268,13 @@ def dynamic_factor(
     b_p, b_f = force_ratio_per_metre * pitch_deviation, force_ratio_per_metre * form_deviation
     b_k = 1.0 if ignores_relief else abs(1.0 - force_ratio_per_metre * tip_relief)
     ratio = speed / resonance_speed
-    c_v1, c_v2, c_v3, c_v4, c_v5, c_v6, c_v7 = _coefficients(stage.total_contact_ratio)
+    c_v1, c_v2, c_v3, c_v4, c_v5, c_v6, c_v7 = _dynamic_factor_coefficients(
+        stage.total_contact_ratio
+    )
     subcritical = 1.0 + ratio * (c_v1 * b_p + c_v2 * b_f + c_v3 * b_k)
     resonant = 1.0 + c_v1 * b_p + c_v2 * b_f + c_v4 * b_k
     supercritical = c_v5 * b_p + c_v6 * b_f + c_v7
-    # Between the main resonance and the supercritical range the standard interpolates linearly.
+    # The standard interpolates linearly between the main resonance and the supercritical range.
     limits = [_MAIN_RANGE_END, _UPPER_RANGE_START]
     factor = np.interp(ratio, limits, [resonant, supercritical])
     factor = np.where(ratio <= lower_limit, subcritical, factor)
@@ -280,12 +284,12 @@ def dynamic_factor(
     return DynamicFactor(factor, ratio, resonance_speed, lower_limit, *deviations, b_p, b_f, b_k)
 
 
-def _coefficients(contact_ratio: float) -> tuple[float, ...]:
+def _dynamic_factor_coefficients(contact_ratio: float) -> tuple[float, ...]:
     """Return the coefficients C_v1 ... C_v7 of the dynamic factor for a total contact ratio.
 
     They weight the effects of pitch deviation, profile form and tip relief in ISO 6336-1, method B:
-    C_v1, C_v2, C_v3 below resonance, C_v1, C_v2, C_v4 at resonance. Above it, C_v5 and C_v6 weight
-    pitch deviation and profile form, and C_v7 is added.
+    C_v1, C_v2, C_v3 below resonance; C_v1, C_v2, C_v4 at resonance. Above resonance, C_v5 and C_v6
+    weight pitch deviation and profile form, and C_v7 is a constant term.
     """
     c_v7 = 1.0
     if contact_ratio <= 2.5:

@@ -1,22 +1,23 @@
-"""Load sharing of the pairs of teeth in mesh: gaps, compliances and exact equilibrium.
+"""Load sharing of the tooth pairs in mesh: gaps, compliances and exact equilibrium.
 
 The displacement x along the line of action, the forces F_i of the pairs and their gaps g_i satisfy
 
-    x - g_i = sum_j Q_ij F_j  and  F_i > 0   of pairs that touch,
-    x - g_i <= sum_j Q_ij F_j  and  F_i = 0  of the others,        sum F_i = F.
+    x - g_i = sum_j Q_ij F_j  and  F_i > 0   for pairs in contact,
+    x - g_i <= sum_j Q_ij F_j  and  F_i = 0  for all others,       sum F_i = F.
 
-Without common bodies Q is diagonal and a pair carries c_i max(x - g_i, 0). Q is positive definite,
-so exactly one set of touching pairs satisfies all conditions at each phase and load. All sets are
-solved without iteration, and the set that satisfies the conditions is taken.
+If the pairs do not share gear bodies, Q is diagonal and a pair carries c_i max(x - g_i, 0). Q is
+positive definite, so exactly one set of pairs in contact satisfies all conditions at each phase and
+load. All sets are solved directly, and the one that satisfies the conditions is selected.
 
-Without corner contact, pairs touch only on the path of contact. With corner contact, the corner of
-a tip also touches the mating flank before the start and behind the end of the path. Its gap is
-`corner_gap` and its compliance is constant beyond each end of the path, so that no force jumps.
+Without corner contact, pairs are in contact on the path of contact only. With corner contact, a tip
+corner also touches the mating flank before the start and after the end of the path. Its gap is
+`corner_gap`, and its compliance is constant beyond each end of the path, so that forces have no
+jumps.
 
 The pairs of a helical gear are averages over transverse slices of the face, linearized at the
-displacement under a load. Each slice is a spur gear that meshes a little later than the slice
-before. The phases are chosen such that from one to the next a whole number of slices comes into
-mesh, so that the stiffness has no steps.
+displacement under a load. Each slice is a spur gear that meshes slightly later than the preceding
+one. From each phase to the next, an integer number of slices comes into mesh, so that the stiffness
+has no steps.
 
 Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q by the energy method.
 """
@@ -41,58 +42,58 @@ from gearlib.parameters import Fraction, Numbers, check, checked
 if TYPE_CHECKING:
     from gearlib.models.geometry.gear_stage import GearStage
 
-#: Positions closer than this fraction of a base pitch count as equal.
+#: Positions that differ by less, in base pitches, are treated as equal.
 SAME_POSITION_TOLERANCE = 1e-12
-#: Smallest number of slices of a helical face, and limits of the number of phases per base pitch.
+#: Minimum number of slices of a helical face; limits of the number of phases per base pitch.
 MIN_SLICES, MIN_INTERVALS_PER_PITCH, _MAX_INTERVALS_PER_PITCH = 48, 48, 128
-#: Smallest number of phases per base pitch if there are many mesh periods.
+#: Minimum number of phases per base pitch if there are many mesh periods.
 _MIN_COARSE_INTERVALS = 8
-#: Largest number of slices at all phases, which take 0.4 s; slices become wider beyond it.
+#: Approximate maximum of (number of slices) * (number of phases), which takes 0.4 s.
 _MAX_SLICES_AT_PHASES = 120_000
-#: Largest number of pairs of teeth in mesh at once.
+#: Maximum number of tooth pairs in mesh.
 _MAX_PAIRS = 10
-#: Largest gap at which a tip corner can touch, in deflections of one pair under the load.
+#: Largest gap at which a tip corner can touch, over the deflection of one pair under the load.
 MAX_CORNER_GAP = 6.0
 #: Largest distance from the path of contact at which a corner can touch, in base pitches.
 _MAX_CORNER_DISTANCE = 0.45
-#: Number of distances at which the gap of a corner is computed for the length of its contact.
+#: Number of samples of the corner gap, from which the length of corner contact is computed.
 _CORNER_SAMPLES = 201
-#: Largest number of Newton steps for the displacement of a helical mesh, and their tolerance.
+#: Maximum number of Newton steps for the displacement of a helical mesh; relative tolerance.
 _MAX_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-12
 
 
 @dataclass(frozen=True)
 class LoadSharing:
-    """Equilibrium of k pairs of teeth under n loads at m phases."""
+    """Equilibrium of k tooth pairs under n loads at m phases."""
 
     displacement: np.ndarray  #: displacement x, the transmission error, m, shape (n, m)
     force: np.ndarray  #: force of each pair, N, shape (n, m, k)
-    touching: np.ndarray  #: whether each pair touches, bool, shape (n, m, k)
+    touching: np.ndarray  #: whether each pair is in contact, bool, shape (n, m, k)
     stiffness: np.ndarray  #: dF_i/dx of each pair, N/m, shape (n, m, k)
 
 
 @dataclass(frozen=True)
 class ToothPairs:
-    """At most k pairs of teeth in mesh at m phases; pair 0 came into mesh last."""
+    """At most k tooth pairs in mesh at m phases; pair 0 came into mesh last."""
 
-    pitches: np.ndarray  #: base pitches since pair 0 of the first mesh period, shape (m,)
+    pitches: np.ndarray  #: phases in base pitches, see `tooth_pairs_at`, shape (m,)
     position: np.ndarray  #: on the path of contact in the middle of the face, m, shape (m, k)
-    can_touch: np.ndarray  #: whether a pair can touch, bool, shape (m, k)
+    can_touch: np.ndarray  #: whether a pair can be in contact, bool, shape (m, k)
     compliance: np.ndarray  #: compliance matrix Q, m/N, shape (m, k, k)
     gap: np.ndarray  #: gap g, m, shape (m, k)
-    smallest_gap: np.ndarray  #: smallest gap of all pairs, mean over the face, m, shape (m,)
+    smallest_gap: np.ndarray  #: minimum over all pairs, mean over the face, m, shape (m,)
 
     def select_phases(self, phase_indices: np.ndarray) -> "ToothPairs":
-        """Return the pairs of teeth at j of the phases, given by their indices, shape (j,)."""
+        """Return the tooth pairs at a selection of phases, given by their indices, shape (j,)."""
         arrays = [getattr(self, field.name)[phase_indices] for field in fields(self)]
         return ToothPairs(*arrays)
 
     def force_coefficients(self, pair_indices, phase_indices=slice(None)):
-        """Return the coefficients (stiffness, offset) of the forces if only these pairs touch.
+        """Return (stiffness, offset) of the forces if only the given pairs are in contact.
 
-        `pair_indices` are the indices of p pairs of teeth, and `phase_indices` those of m phases,
-        by default all phases. Both coefficients have the shape (m, p). The forces at a displacement
-        x in m are stiffness * x - offset, in N.
+        `pair_indices` are the indices of p tooth pairs, and `phase_indices` those of m phases, by
+        default all. Both results have the shape (m, p). At a displacement x in m, the forces in N
+        are stiffness * x - offset.
         """
         compliance = self.compliance[phase_indices][:, pair_indices][:, :, pair_indices]
         inverse = np.linalg.inv(compliance)
@@ -100,23 +101,22 @@ class ToothPairs:
         return inverse.sum(-1), (inverse @ gap)[..., 0]
 
     def solve_for_loads(self, loads: ArrayLike) -> LoadSharing:
-        """Return the `LoadSharing`, equilibrium of all pairs of teeth at each phase, under n loads.
+        """Solve for the equilibrium of all tooth pairs at each phase, under n loads.
 
-        The `loads`, shape (n,), are in N and >= 0.
+        `loads`, shape (n,), are in N and >= 0.
         """
         loads = np.asarray(loads, float)[:, None]
 
         def displacements(_, stiffness, offset):
-            # The forces stiffness * x - offset of the touching pairs add up to the load.
+            # The forces, stiffness * x - offset, of the pairs in contact add up to the load.
             return (loads + offset.sum(-1)) / stiffness.sum(-1)
 
         return self._solve_contact(displacements, load_count=len(loads), min_touching_pairs=1)
 
     def solve_for_displacement(self, displacement: np.ndarray) -> LoadSharing:
-        """Return the forces of all pairs of teeth at a given displacement, as a `LoadSharing`.
+        """Solve for the forces of all tooth pairs at a given displacement in m, shape (m,).
 
-        `displacement`, shape (m,), is in m, one value for each phase. The axis of the loads in the
-        result has the length 1.
+        The axis of the loads in the result has the length 1.
         """
 
         def displacements(phase_indices, *_):
@@ -125,18 +125,18 @@ class ToothPairs:
         return self._solve_contact(displacements, load_count=1, min_touching_pairs=0)
 
     def _solve_contact(self, displacements, load_count, min_touching_pairs) -> LoadSharing:
-        """Return the forces of all pairs at each phase that satisfy the contact conditions.
+        """Find the forces of all pairs at each phase that satisfy the contact conditions.
 
-        Each set of at least `min_touching_pairs` touching pairs is tried, and the set that violates
-        the conditions least is taken. The function `displacements` takes the indices of j phases
-        and the force coefficients stiffness and offset of a set at these phases, (j, pairs) each;
-        it returns the displacements in m, shape (load_count, j).
+        All sets of at least `min_touching_pairs` pairs are tried as the pairs in contact, and the
+        set with the smallest violation of the conditions is selected. `displacements` is a function
+        of the indices of j phases, and of stiffness and offset of the forces of a set at these
+        phases, shape (j, pairs) each; it returns displacements in m, shape (load_count, j).
         """
         m, k = self.gap.shape
         displacement, min_violation = np.zeros((load_count, m)), np.full((load_count, m), math.inf)
         force, stiffness = np.zeros((load_count, m, k)), np.zeros((load_count, m, k))
         touching = np.zeros((load_count, m, k), bool)
-        diagonal = np.einsum("mii->mi", self.compliance)  # compliance of each pair by itself
+        diagonal = np.einsum("mii->mi", self.compliance)  # compliance of each pair alone
         sets_of_pairs = []
         for pair_count in range(min_touching_pairs, k + 1):
             sets_of_pairs += [list(pairs) for pairs in itertools.combinations(range(k), pair_count)]
@@ -148,19 +148,19 @@ class ToothPairs:
             x = displacements(indices, pair_stiffness, offset)
             forces = np.zeros((load_count, indices.size, k))
             forces[..., pairs] = pair_stiffness * x[..., None] - offset
-            # In equilibrium, touching pairs do not pull and the others do not overlap. Both
-            # violations are lengths in m.
+            # In equilibrium, forces of pairs in contact are not negative, and the flanks of the
+            # others do not overlap. Both violations are lengths in m.
             violation = x[..., None] - self.gap[indices]
             violation = violation - _deflections(self.compliance[indices], forces)
             violation[..., pairs] = -(diagonal[indices] * forces)[..., pairs]
             max_violation = np.where(self.can_touch[indices], violation, -math.inf).max(-1)
-            # Keep the results of this set where it violates the conditions less than those before.
-            better = max_violation < min_violation[:, indices]
-            load_indices, columns = np.nonzero(better)
+            # Keep the results of this set where its violation is smaller than before.
+            is_better = max_violation < min_violation[:, indices]
+            load_indices, columns = np.nonzero(is_better)
             improved = load_indices, indices[columns]
-            min_violation[improved] = max_violation[better]
-            displacement[improved] = x[better]
-            force[improved] = forces[better]
+            min_violation[improved] = max_violation[is_better]
+            displacement[improved] = x[is_better]
+            force[improved] = forces[is_better]
             touching[improved] = [i in pairs for i in range(k)]
             stiffnesses = np.zeros((indices.size, k))
             stiffnesses[:, pairs] = pair_stiffness
@@ -168,31 +168,31 @@ class ToothPairs:
         return LoadSharing(displacement, np.maximum(force, 0.0), touching, stiffness)
 
     def overlap(self, equilibrium: LoadSharing) -> np.ndarray:
-        """Return the overlap that the flanks of each pair would have without its force, (n, m, k).
+        """Return the overlap in m of the flanks of each pair without its own force, (n, m, k).
 
-        It is in m: positive for touching pairs, and minus the distance of the flanks for others.
+        It is positive for pairs in contact, and minus the distance of the flanks for all others.
         `equilibrium` is the `LoadSharing` of these k pairs under n loads at m phases.
         """
         force, touching = equilibrium.force, equilibrium.touching
         diagonal = np.einsum("mii->mi", self.compliance)
         deflection_by_others = _deflections(self.compliance, force) - diagonal * force
         overlap = equilibrium.displacement[..., None] - self.gap - deflection_by_others
-        # The sign must agree with `touching` even if pairs touch without a load.
+        # The sign must agree with `touching` even if the force is 0.
         tiny = np.finfo(float).tiny
         return np.where(touching, np.maximum(overlap, tiny), np.minimum(overlap, -tiny))
 
 
 def _deflections(compliance: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Return the deflections in m, (..., k), by compliances (..., k, k) and forces (..., k)."""
+    """Return compliance @ forces: deflections in m, shape (..., k), for k tooth pairs."""
     return np.einsum("...ij,...j->...i", compliance, forces)
 
 
 def tooth_pairs(stage, phases, *, pitch_errors=None, **options) -> ToothPairs:
-    """Return the pairs of teeth in mesh, as `ToothPairs`, at equally spaced phases.
+    """Compute the tooth pairs in mesh, as `ToothPairs`, at equally spaced phases from 0.
 
-    The first is mesh phase 0, and `phases` is the number of phases in each mesh period. There are
-    as many mesh periods as `pitch_errors`, in m, by default the errors of the stage. `options` are
-    those of `tooth_pairs_at`, such as the stiffness method.
+    `phases` is their number per mesh period. There is one mesh period for each of `pitch_errors` in
+    m, by default those of the stage. `options`, such as the stiffness method, are passed to
+    `tooth_pairs_at`.
     """
     # The mesh phase is 0 in the middle of the segment with the most pairs.
     start = (stage.contact_ratio - math.floor(stage.contact_ratio)) / 2.0
@@ -201,7 +201,7 @@ def tooth_pairs(stage, phases, *, pitch_errors=None, **options) -> ToothPairs:
     return tooth_pairs_at(stage, pitches, pitch_errors=pitch_errors, **options)
 
 
-class Options(NamedTuple):
+class PairOptions(NamedTuple):
     """Options of `tooth_pairs_at`; `GearStage.transmission_error` describes the first five."""
 
     stiffness: Any = "energy"
@@ -209,20 +209,20 @@ class Options(NamedTuple):
     twist: bool = True
     deviation: PathTable | None = None
     pitch_errors: Any = None
-    corners: bool = False  #: whether corners of tips touch beyond the path of contact
-    load: float | None = None  #: load of corner contact and of helical gears, N
-    intervals: int | None = None  #: equal intervals of a base pitch, see `FaceSlices`
+    corners: bool = False  #: whether tip corners touch beyond the path of contact
+    load: float | None = None  #: load, needed for corner contact and helical gears, N
+    intervals: int | None = None  #: number of intervals per base pitch, see `FaceSlices`
 
 
 def tooth_pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **options) -> ToothPairs:
-    """Return the k pairs of teeth in mesh at m phases, with their gaps and compliances.
+    """Compute the k tooth pairs in mesh at m phases, with their gaps and compliances.
 
-    `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
-    contact. `selection_pitches`, (m,), by default equal to `pitches`, decide which pairs are in
-    mesh; `can_touch`, bool, (m, k), is computed by default. `options` are the fields of `Options`;
-    corner contact and helical gears need the load.
+    `pitches`, shape (m,), are the phases in base pitches since the first pair reached the start of
+    the path of contact. Which pairs are in mesh is determined at `selection_pitches`, (m,), by
+    default equal to `pitches`; `can_touch`, bool, (m, k), is computed by default. `options` are the
+    fields of `PairOptions`; corner contact and helical gears need the load.
     """
-    stiffness, coupling, twist, deviation, pitch_errors, corners, load, intervals = Options(
+    stiffness, coupling, twist, deviation, pitch_errors, corners, load, intervals = PairOptions(
         **options
     )
     is_valid = isinstance(deviation, PathTable | None)
@@ -240,7 +240,7 @@ def tooth_pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **opt
     checks.require(count <= _MAX_PAIRS, "total contact ratio", stage.total_contact_ratio, allowed)
     pair_indices, slice_count = np.arange(count), len(face.width_fractions)
     tooth_numbers = last_pair.astype(int)[:, None] - pair_indices
-    # Base pitches since each pair began its contact in each slice, (m * slices, k).
+    # Base pitches since the contact of each pair began in each slice, (m * slices, k).
     pitches_on_path = ((pitches - last_pair)[:, None] + face.delays)[..., None] + pair_indices
     pitches_on_path = pitches_on_path.reshape(-1, count)
     end = stage.contact_ratio + exit_length
@@ -248,16 +248,19 @@ def tooth_pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **opt
     if is_spur and can_touch is not None:
         in_mesh = can_touch
     position = stage.path[0] + pitches_on_path * stage.base_pitch
-    # Gaps without pitch errors, and compliances, repeat in each base pitch and are computed once.
-    keys = np.round(pitches_on_path[:, 0] / SAME_POSITION_TOLERANCE).astype(int) * 2**count
-    keys += in_mesh @ 2**pair_indices
-    _, unique, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    # Gaps without pitch errors and compliances repeat in each base pitch. They are computed once
+    # for each combination of position and pairs in mesh, which is encoded as an integer.
+    codes = np.round(pitches_on_path[:, 0] / SAME_POSITION_TOLERANCE).astype(int) * 2**count
+    codes += in_mesh @ 2**pair_indices
+    _, unique, inverse = np.unique(codes, return_index=True, return_inverse=True)
     on_path = np.clip(position[unique], *stage.path)
     pair_count = in_mesh[unique].sum(-1)
     if corners:
-        # If the number of pairs changed where corners begin to touch, the forces would jump.
+        # A constant number avoids jumps of the forces where corner contact begins.
         pair_count = math.floor(stage.contact_ratio) + 1
-    compliance = _compliance(stage, on_path, stiffness, coupling, twist, pair_count)[inverse]
+    compliance = _compliance_matrices(stage, on_path, stiffness, coupling, twist, pair_count)[
+        inverse
+    ]
     gap = relief_gap(stage, on_path)
     if deviation is not None:
         gap = gap + deviation.at(on_path)
@@ -270,7 +273,7 @@ def tooth_pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **opt
     allowed = "larger: at some phases no slice of the face is in mesh"
     checks.require(valid, "total_contact_ratio", stage.total_contact_ratio, allowed)
     slice_gaps = np.where(in_mesh, gap, math.inf).min(axis=1).reshape(-1, slice_count)
-    # Slices without a pair of teeth in mesh do not count.
+    # Slices without a tooth pair in mesh are ignored.
     weights = np.where(slice_gaps < math.inf, face.width_fractions, 0.0)
     smallest_gap = np.average(np.minimum(slice_gaps, 1.0), axis=1, weights=weights)
     if is_spur:
@@ -280,7 +283,7 @@ def tooth_pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **opt
         face.width_fractions, compliance, in_mesh, gap, load
     )
     can_touch = force > 0.0 if can_touch is None else can_touch
-    # A pair that begins to touch has no stiffness; a small value keeps its compliance finite.
+    # A lower bound of the stiffness keeps the compliance finite at the beginning of contact.
     min_stiffness = 1e-9 * pair_stiffness.sum(-1, keepdims=True)
     pair_stiffness = np.maximum(pair_stiffness, min_stiffness)
     compliance = np.eye(count) / pair_stiffness[..., None]
@@ -291,22 +294,21 @@ def tooth_pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **opt
 class FaceSlices(NamedTuple):
     """Slices of the face of a gear; the face of a spur gear is one slice."""
 
-    width_fractions: np.ndarray  #: over the face width, shape (n,); the outer slices are narrower
-    delays: np.ndarray  #: base pitches by which slices mesh later than the middle, shape (n,)
-    #: Number of equal intervals of a base pitch with a whole number of slices; 0 for spur gears.
+    width_fractions: np.ndarray  #: slice width over face width, shape (n,); outer ones are narrower
+    delays: np.ndarray  #: delay relative to the middle of the face, base pitches, shape (n,)
+    #: Number of intervals of a base pitch, each an integer number of slices; 0 for spur gears.
     intervals_per_pitch: int
-    half_overlap: float  #: base pitches by which a pair meshes before the middle of its face
+    half_overlap: float  #: base pitches from the first contact to that in the middle
 
 
 def divide_face(stage: "GearStage", periods: int, intervals: int | None = None) -> FaceSlices:
-    """Divide the face of a gear stage into transverse slices, and return them as `FaceSlices`.
+    """Divide the face of a gear stage into transverse slices; a spur gear has one slice.
 
-    A spur gear has one slice. `periods` is the number of mesh periods to be computed. If there are
-    many, slices are wider, so that the number of slices at all phases stays near
-    `_MAX_SLICES_AT_PHASES`. `intervals` is the number of phases per base pitch; if it is given,
-    slices are not made wider.
+    `periods` is the number of mesh periods to be computed. For many periods, slices are wider, so
+    that (number of slices) * (number of phases) remains near `_MAX_SLICES_AT_PHASES`, unless the
+    number of phases per base pitch is given by `intervals`.
     """
-    overlap = stage.overlap_ratio  # base pitches by which the ends of the face mesh apart
+    overlap = stage.overlap_ratio
     if overlap == 0.0:
         return FaceSlices(np.ones(1), np.zeros(1), intervals_per_pitch=0, half_overlap=0.0)
     coarsening = 1.0
@@ -319,7 +321,7 @@ def divide_face(stage: "GearStage", periods: int, intervals: int | None = None) 
     slices_per_pitch = intervals * max(1, round(MIN_SLICES / coarsening / overlap / intervals))
     count = math.ceil(overlap * slices_per_pitch)
     width_fractions = np.full(count, 1.0 / (overlap * slices_per_pitch))
-    # The outer slices share the rest of the face width.
+    # The two outer slices share the remaining face width.
     width_fractions[[0, -1]] = (1.0 - width_fractions[1:-1].sum()) / 2.0
     delays = (np.arange(count) - (count - 1) / 2.0) / slices_per_pitch
     half_overlap = (overlap + 1.0 / intervals) / 2.0
@@ -329,11 +331,10 @@ def divide_face(stage: "GearStage", periods: int, intervals: int | None = None) 
 def _solve_face_equilibrium(width_fractions, compliance, can_touch, gap, load):
     """Return forces and stiffnesses, (m, k), and displacements, (m,), of a helical mesh.
 
-    The face is divided into n slices, whose widths over the face width are `width_fractions`, (n,).
-    There are k pairs of teeth in all slices at m phases, with `compliance` matrices, (m n, k, k),
-    gaps in m, (m n, k), and `can_touch`, bool, (m n, k); `load` is in N. In each step of Newton's
-    method a pair in a slice begins to touch if its flanks overlap, or ceases to touch if its force
-    is negative.
+    The face has n slices with the relative widths `width_fractions`, (n,). There are k tooth pairs
+    in each slice at m phases, with `compliance` matrices, (m n, k, k), gaps in m, (m n, k), and
+    `can_touch`, bool, (m n, k); `load` is in N. In each step of Newton's method, contact of a pair
+    in a slice begins if its flanks overlap, and ends if its force is negative.
     """
     pair_count, slice_count, touching = gap.shape[1], len(width_fractions), can_touch
 
@@ -342,11 +343,11 @@ def _solve_face_equilibrium(width_fractions, compliance, can_touch, gap, load):
         return width_fractions @ values.reshape(-1, slice_count, pair_count)
 
     diagonal = np.einsum("mii->mi", compliance)
-    gap_scale = np.abs(gap[can_touch]).max()  # m, by which rounding errors of a light load count
+    gap_scale = np.abs(gap[can_touch]).max()  # m, scale of rounding errors for light loads
     x = np.full(len(gap) // slice_count, load * compliance.max() + gap[can_touch].max())
     for _ in range(_MAX_NEWTON_STEPS):
         approach = np.repeat(x, slice_count)[:, None] - gap
-        # Invert the compliances of the touching pairs only.
+        # Invert the compliance matrices of the pairs in contact only.
         both_touch = touching[:, :, None] & touching[:, None, :]
         inverse = np.linalg.inv(np.where(both_touch, compliance, np.eye(pair_count))) * both_touch
         slice_forces = _deflections(inverse, approach)
@@ -359,39 +360,39 @@ def _solve_face_equilibrium(width_fractions, compliance, can_touch, gap, load):
         if max(np.abs(step).max(), violation.max()) <= _NEWTON_TOLERANCE * scale:
             return forces, stiffnesses, x
         x = x - step
-        touching = touching ^ (violation > 0.0)  # Pairs that violate a condition change.
+        # The contact of pairs that violate a condition is switched on or off.
+        touching = touching ^ (violation > 0.0)
     raise RuntimeError(f"the forces of a helical mesh do not converge in {_MAX_NEWTON_STEPS} steps")
 
 
 def corner_contact_lengths(stage, corner_contact, load, pitch_errors) -> tuple[float, ...]:
-    """Return the lengths of corner contact before and behind the path of contact, base pitches.
+    """Return the lengths of corner contact before and after the path of contact, base pitches.
 
-    Tip corners of teeth can touch where their gap is below `MAX_CORNER_GAP` deflections of one pair
+    Tip corners can touch where their gap is below `MAX_CORNER_GAP` times the deflection of one pair
     under the `load` in N, plus the range of the `pitch_errors` in m. Both lengths are 0 if
     `corner_contact` is False.
     """
     if not corner_contact:
         return 0.0, 0.0
-    # Pitch errors add their range to the gap at which a corner may still touch.
     max_gap = MAX_CORNER_GAP * load / pair_stiffness(stage) + np.ptp(pitch_errors)
     pitches = np.linspace(0.0, _MAX_CORNER_DISTANCE, _CORNER_SAMPLES)
     start, end = stage.path
     distances = pitches * stage.base_pitch
     lengths = []
     for positions in (start - distances, end + distances):
-        # The gap grows with the square of the distance, so its square root is interpolated.
+        # The square root is interpolated, because the gap increases quadratically.
         root_gaps = np.sqrt(corner_gap(stage, positions))
         lengths.append(float(np.interp(math.sqrt(max_gap), root_gaps, pitches)))
     return tuple(lengths)
 
 
 def corner_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
-    """Return the gap between tip corners and flanks beyond the path of contact in m; on it 0.
+    """Return the gap in m between tip corner and flank beyond the path of contact, 0 on the path.
 
     Before the start of the path, the tip corner of the wheel approaches the flank of the pinion;
-    behind its end, the tip corner of the pinion leaves the flank of the wheel. `position`, in m
-    along the line of action, is where the involutes would touch if they were longer. Far from the
-    path the gap is constant.
+    after its end, the tip corner of the pinion leaves the flank of the wheel. `position`, in m
+    along the line of action, is where extended involutes would be in contact. Far from the path,
+    the gap is constant.
     """
     start, end = stage.path
     max_distance = _MAX_CORNER_DISTANCE * stage.base_pitch
@@ -403,28 +404,28 @@ def corner_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
 def _tip_corner_gap(stage: "GearStage", flank_name: str, position: np.ndarray) -> np.ndarray:
     """Return the gap in m between the flank of a gear and the tip corner of its mating gear.
 
-    `flank_name` is "pinion" or "wheel", the gear with the flank. `position`, in m, is the point on
-    the line of action at which the involutes would touch if they were longer. The gap is an angle
-    about the axis of the gear with the flank, times its base radius.
+    `flank_name` is "pinion" or "wheel", the gear with the flank. `position`, in m along the line of
+    action, is where extended involutes would be in contact. The gap is an angle about the axis of
+    the gear with the flank, times its base radius.
     """
-    # The x axis points from the axis of the gear with the flank to the pitch point. A ring gear has
-    # the sign -1, because it turns in the same direction as the pinion.
+    # The origin is the axis of the gear with the flank, and the x axis points to the pitch point.
+    # The sign of a ring gear is -1, because it turns in the same direction as the pinion.
     sign, angle = stage.wheel.sign, stage.working_pressure_angle
     flank_gear, corner_gear, direction = stage.pinion, stage.wheel, 1
     if flank_name == "wheel":
         flank_gear, corner_gear, direction = stage.wheel, stage.pinion, -sign
     base_radius, tip_radius = flank_gear.base_diameter / 2.0, corner_gear.tip_diameter / 2.0
-    # The angle by which the gear with the flank has turned since contact at the pitch point.
+    # Rotation of the gear with the flank since contact at the pitch point.
     rotation = direction * (position - stage.pitch_point) / base_radius
-    # The x coordinate of the axis of the gear with the corner.
+    # x coordinate of the axis of the gear with the corner.
     centre = stage.centre_distance * (1 if sign == 1 else -flank_gear.sign)
     tip_angle = math.acos(corner_gear.base_diameter / corner_gear.tip_diameter)
     corner_rotation = -sign * rotation * flank_gear.teeth / corner_gear.teeth
     corner_angle = corner_rotation + inv(angle) - inv(tip_angle)
-    # The position of the corner from the axis of the gear with the flank.
+    # Coordinates of the corner.
     x = centre - sign * tip_radius * np.cos(corner_angle)
     y = -sign * tip_radius * np.sin(corner_angle)
-    # The angle between the corner and the point of the flank at the same radius.
+    # The gap is the angle between the corner and the flank at the same radius.
     flank_angle = np.arccos(base_radius / np.hypot(x, y))
     involute = np.tan(flank_angle) - flank_angle
     gap_angle = np.arctan2(y, x) - (rotation + inv(angle) - involute)
@@ -432,9 +433,9 @@ def _tip_corner_gap(stage: "GearStage", flank_name: str, position: np.ndarray) -
 
 
 def check_pitch_errors(stage: "GearStage", pitch_errors: ArrayLike | None = None) -> np.ndarray:
-    """Return the checked pitch errors in m, shape (n,), by default those of the stage.
+    """Check pitch errors in m, by default those of the stage; return them as an array, (n,).
 
-    They are the gaps of n successive pairs of teeth, which repeat.
+    They are the gaps of n successive tooth pairs, repeated periodically.
     """
     if pitch_errors is None:
         return np.array(stage.pitch_errors)
@@ -442,10 +443,10 @@ def check_pitch_errors(stage: "GearStage", pitch_errors: ArrayLike | None = None
 
 
 def relief_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
-    """Return the gap in m that the tip reliefs of both gears leave between the flanks.
+    """Return the gap in m between the flanks due to the tip reliefs of both gears.
 
-    `position` is on the path of contact in m. The relief of the pinion acts at the end of the path,
-    the relief of the wheel at its start.
+    `position` in m is on the path of contact. The relief of the pinion acts at the end of the path,
+    that of the wheel at its start.
     """
     start, end = stage.path
     gap = np.zeros(np.shape(position))
@@ -456,16 +457,15 @@ def relief_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
 
 
 @checked
-def _compliance(
+def _compliance_matrices(
     stage, position, stiffness, coupling: Fraction | None, twist, pair_count
 ) -> np.ndarray:
-    """Return the compliance matrices of k pairs of teeth at m phases, shape (m, k, k), m/N.
+    """Return the compliance matrices of k tooth pairs at m phases in m/N, shape (m, k, k).
 
     `position`, (m, k), is on the path of contact in m; `stiffness` is "iso" (ISO 6336), "energy"
-    (energy method) or a `PathTable` in N/m. For "energy", `twist` says whether gear bodies twist
-    about their bores. `coupling` is the fraction of the body compliance that all pairs have in
-    common, for "iso" 1 by default; `pair_count`, int or (m,), is the number of pairs that load a
-    body.
+    (energy method) or a `PathTable` in N/m. For "energy", `twist` is whether gear bodies twist
+    about their bores. `coupling` is the fraction of the body compliance that all pairs share; for
+    "iso" it is 1 by default. `pair_count`, int or (m,), is the number of pairs that load a body.
     """
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):
@@ -485,8 +485,8 @@ def _compliance(
     if stiffness == "energy":
         pair = PairCompliance(stage, twist=twist)
         return compliance_matrices(pair, position, np.ones(position.shape), coupling)
-    # If n pairs share a body with the compliance 1 / ((1 + 3 n) c'), they have the stiffness
-    # (0.25 + 0.75 n) c' as in ISO 6336, where c' is the stiffness of one pair.
+    # If n pairs with the stiffness c' share a body with the compliance 1 / ((1 + 3 n) c'), their
+    # total stiffness is (0.25 + 0.75 n) c', as in ISO 6336.
     pair_compliance = 1.0 / pair_stiffness(stage)
     count = np.broadcast_to(pair_count, len(position))[:, None, None]
     if coupling is None:

@@ -1,23 +1,23 @@
-"""Mesh stiffness of gears by ISO 6336 or by the energy method.
+"""Mesh stiffness of gears according to ISO 6336 or by the energy method.
 
-In a mesh period, floor(eps_alpha) + 1 pairs of teeth touch in a first segment, whose length in base
-pitches is eps_alpha - floor(eps_alpha), and one pair fewer in the second segment. If the last pair
-began its contact u base pitches ago, the mesh phase is 2 pi (u - half of the first segment). The
-slices of the face of a helical gear mesh one after another, so that its stiffness is an average
-over the overlap ratio eps_beta. The average of a rectangle is an exact trapezoid.
+In the first segment of a mesh period, floor(eps_alpha) + 1 tooth pairs are in contact; its length
+in base pitches is eps_alpha - floor(eps_alpha). In the second segment, there is one pair fewer. If
+the contact of the last pair began u base pitches ago, the mesh phase is 2 pi (u - half of the first
+segment). The slices of a helical face mesh one after another, so that the stiffness is a moving
+average over eps_beta base pitches. The average of a rectangle is an exact trapezoid.
 
 In the energy method, pair i has the compliance q_i of both teeth and of their contact. The body of
 a gear deflects under the loads of all pairs: a unit force on pair i moves the contact point of this
-pair by f_i, and the contact point of another pair by g < f_i. So x = Q F with the matrix
+pair by f_i and those of all other pairs by g < f_i. Thus x = Q F with the matrix
 
     Q_ii = q_i + sum of f_i over both gears,    Q_ij = sum of g over both gears,
 
-and C = 1^T Q^-1 1. By finite elements (plane stress, Poisson's ratio 0.3, bores of a fifth to two
-thirds of the root diameter) g is a constant of each gear, within 5 % along the path of contact: the
-twist of the body about its bore, the deflection of a half plane, and a fitted part, see
-`Tooth.shared_compliance`. The option `coupling` replaces g by coupling sqrt(f_i f_j), as papers do:
-coupling 0 gives each pair a body of its own, coupling 1 lets all pairs move together, which halves
-the step of the transmission error. By default it is None, which takes g.
+and C = 1^T Q^-1 1. According to finite elements (plane stress, Poisson's ratio 0.3, bores of a
+fifth to two thirds of the root diameter), g is constant along the path of contact within 5 %. It
+consists of the twist of the body about its bore, the deflection of a half plane, and a fitted term,
+see `Tooth.shared_compliance`. The option `coupling` replaces g by coupling sqrt(f_i f_j), as in
+papers: with coupling 0 the pairs do not share a body; with coupling 1 they share all of its
+compliance, which halves the step of the transmission error. The default, None, means g.
 
 Sources: Weber & Banaschek (1953), Yang & Lin, J. Mech. Transm. Autom. Des. 109 (1987) 189-196, for
 the energies; Sainsot, Velex & Duverger, J. Mech. Des. 126 (2004) 748-752, for a body clamped at its
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from gearlib.models.geometry.gear import SpurGear
     from gearlib.models.geometry.gear_stage import GearStage
 
-#: Length, in base pitches, of the ramp that replaces a step of the stiffness in a table.
+#: Length, in base pitches, of the ramp that replaces a step of the stiffness in tables.
 _RAMP_LENGTH = 1e-7
 
 SOURCES = {
@@ -52,15 +52,15 @@ SOURCES = {
     "table": "a table of one's own",
 }
 #: Relative uncertainty of the methods. "iso": quoted bounds of c' are +5 % and -8 %. "energy": for
-#: seven gear pairs a logarithmic Hertz contact changes the mean by -8 to -21 %, and a tooth with
-#: the stiffness by finite elements by +3 to +6 %; the beam is too compliant by 0.4 / (E b) a gear.
+#: seven gear pairs, logarithmic Hertz contact changes the mean by -8 to -21 %, and the tooth
+#: stiffness from finite elements by +3 to +6 %; the beam is too compliant by 0.4 / (E b) per gear.
 UNCERTAINTY = {"iso": 0.08, "energy": 0.2, "table": math.nan}
-#: Number of iterations for the pair loads with logarithmic contact; each adds two digits.
+#: Number of iterations for the pair loads with logarithmic contact; each gives two digits.
 _LOAD_ITERATIONS = 8
-#: Gauss-Legendre quadrature, with 10 digits in integrals over fillet and flank.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
+#: Gauss-Legendre quadrature; integrals over fillet and flank have 10 correct digits.
+_GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(32)
 
-#: Coefficients of Sainsot et al.: rows L, M, P, Q and columns A ... F of the polynomial
+#: Coefficients of Sainsot et al.: rows L, M, P, Q; columns A ... F of the polynomial
 #: A/theta^2 + B h^2 + C h/theta + D/theta + E h + F.
 _BODY_COEFFICIENTS = np.array(
     [
@@ -70,11 +70,11 @@ _BODY_COEFFICIENTS = np.array(
         [-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904],
     ]
 )
-#: Shared compliance of neighbouring teeth of a gear without a bore, times E and face width.
+#: Shared compliance of adjacent teeth of a gear without a bore, times E and face width.
 _SHARED_WITHOUT_BORE = 1.0
-#: Number of positions on the path at which the least compliance of a body is sought.
+#: Number of positions on the path at which the minimum body compliance is searched.
 _BODY_POSITIONS = 33
-#: Largest ratio h = r_root / r_bore of these coefficients; larger ratios count as the largest.
+#: Largest ratio h = r_root / r_bore of these coefficients; larger ratios are replaced by it.
 MAX_ROOT_RATIO = 7.0
 
 
@@ -85,59 +85,60 @@ class Tooth:
     the tooth, and x is half of the tooth thickness. The force at a point of the flank is tangent to
     the base circle, at an angle b to the normal of the centre line. Let phi be the tangent of the
     pressure angle at the point, which is the radius of curvature over the base radius r_b, and psi
-    half the angle of the tooth at the base circle. Then b = phi - psi and
+    half the angle that the tooth subtends at the base circle. Then b = phi - psi and
 
         x = r_b (phi cos b - sin b),    y = r_b (cos b + phi sin b).
 
-    A tooth of a ring gear has b = phi + psi, the opposite x, and its root at larger y; its flank is
-    assumed to reach the root circle, and its rim to be rigid.
+    For a ring gear, b = phi + psi, the sign of x is reversed, and the root is at larger y. Its
+    flank is assumed to reach the root circle, and its rim to be rigid.
 
-    The term in h^2 of the body is, within 10 %, the twist of a disc between bore and root,
-    (1 + nu) (h^2 - 1) / (2 pi), which makes no sense without a bore. The body of a gear without a
-    bore is the half plane of Cornell, J. Mech. Des. 103 (1981) 447-459, in plane stress. Without
-    `twist` its compliance is taken out, for hubs or shafts that already count it.
+    The body's term in h^2 is, within 10 %, the twist of a disc between bore and root,
+    (1 + nu) (h^2 - 1) / (2 pi), which does not exist without a bore. The body of a gear without a
+    bore is the half plane of Cornell, J. Mech. Des. 103 (1981) 447-459, in plane stress. If `twist`
+    is False, the twist is omitted, for models in which hub or shaft already include it.
     """
 
     def __init__(self, gear: "SpurGear", width: float, twist: bool = True) -> None:
-        """Prepare the outline of a tooth of `gear` that meshes over a face `width` in m.
+        """Prepare the outline of a tooth of `gear` for a common face `width` in m.
 
-        `twist` is whether the body compliance contains the twist of the body about its bore.
+        `twist` is whether the body compliance includes the twist of the body about its bore.
         """
         self.gear, self.width, self.sign, self.twist = gear, width, gear.sign, twist
         self.base_radius = gear.base_diameter / 2.0
         self.root_radius = gear.root_diameter / 2.0
         angle = inv(gear.transverse_pressure_angle)
-        # Half the angle of the tooth at the base circle, ISO 21771.
+        # Half the angle that the tooth subtends at the base circle, ISO 21771.
         self.base_half_angle = gear.tooth_thickness / gear.reference_diameter + self.sign * angle
-        # Phi is a radius of curvature over the base radius; here the involute starts.
+        # Radius of curvature over base radius at the start of the involute.
         self.form_phi = gear.form_roll_length / self.base_radius
-        self._fillet: Any = None  # x, y and quadrature weights of integrals over y, in m
+        #: x, y and quadrature weights for integrals over y, in m; None for a ring gear.
+        self._fillet: Any = None
         if not gear.internal:
-            # The angle gamma of the fillet goes from the pressure angle to pi / 2.
+            # The angle gamma of the fillet ranges from the pressure angle to pi / 2.
             start = gear.transverse_pressure_angle
             half_range = (math.pi / 2.0 - start) / 2.0
-            x, y, y_slope = self.fillet(start + half_range * (1.0 + _NODES))
-            self._fillet = x, y, np.abs(y_slope) * half_range * _WEIGHTS
+            x, y, y_slope = self.fillet(start + half_range * (1.0 + _GAUSS_NODES))
+            self._fillet = x, y, np.abs(y_slope) * half_range * _GAUSS_WEIGHTS
 
     def flank(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return x, y in m and the angle b of the force in rad at points of the flank.
 
-        `phi` gives the points by the radius of curvature of the involute over the base radius. The
-        y axis is the centre line of the tooth and starts at the axis of the gear; x is half of the
-        tooth thickness. The angle b lies between the force and the normal of the centre line.
+        The points are given by `phi`, the radius of curvature of the involute over the base radius.
+        y is the distance from the gear axis along the centre line of the tooth, x is half of the
+        tooth thickness, and b is the angle between the force and the normal of the centre line.
         """
         b = phi - self.sign * self.base_half_angle
         x = self.sign * self.base_radius * (phi * np.cos(b) - np.sin(b))
         return x, self.base_radius * (np.cos(b) + phi * np.sin(b)), b
 
     def fillet(self, gamma: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return x, y and dy / dgamma of the fillet, in m, where its normal has an angle gamma.
+        """Return x, y and dy / dgamma of the fillet, in m, at points with the normal angle gamma.
 
-        The angle gamma goes from the pressure angle, at the flank, to pi / 2, at the root circle.
-        The rounded tip of the rack cuts the fillet. The tip is a circle in the normal section, and
-        for helical gears an ellipse in the transverse section, longer by 1 / cos(beta) along the
-        rack. Its centre lies `depth` below the rolling line and `side` from the centre line of the
-        tooth.
+        The angle gamma ranges from the pressure angle, at the flank, to pi / 2, at the root circle.
+        The fillet is cut by the rounded tip of the rack, which is a circle in the normal section;
+        in the transverse section it is an ellipse, stretched by 1 / cos(beta) along the rack. Its
+        centre is `depth` below the rolling line and at the distance `side` from the centre line of
+        the tooth.
         """
         rolling_radius = self.gear.reference_diameter / 2.0
         helix_cosine = math.cos(self.gear.helix_angle)
@@ -149,14 +150,14 @@ class Tooth:
         side = (normal_side + gear.thickness_allowance / 2.0) / helix_cosine
         sine, cosine = np.sin(gamma), np.cos(gamma)
         norm = np.hypot(cosine / helix_cosine, sine)  # 1 for spur gears
-        # The distance from the contact to the pitch point along the normal.
+        # Distance from the contact to the pitch point along the normal.
         distance = (depth + tip_radius * sine / norm) / sine
         curvature_radius = tip_radius / (helix_cosine**2 * norm**3)
         contact = distance * cosine - tip_radius * cosine / (helix_cosine**2 * norm)
         rotation = (contact + side) / rolling_radius
         x = rolling_radius * np.sin(rotation) - distance * np.cos(gamma - rotation)
         y = rolling_radius * np.cos(rotation) - distance * np.sin(gamma - rotation)
-        # The slopes are derivatives by gamma.
+        # Slopes are derivatives with respect to gamma.
         rotation_slope = (curvature_radius - distance) / (rolling_radius * sine)
         distance_slope = (curvature_radius - distance) * cosine / sine
         y_slope = -rolling_radius * np.sin(rotation) * rotation_slope
@@ -167,19 +168,19 @@ class Tooth:
     def compliance(self, phi: ArrayLike) -> np.ndarray:
         """Return the compliance of the tooth in bending, shear and compression, m/N.
 
-        `phi` gives the points of the flank where the force acts, by the radius of curvature over
-        the base radius. The energy method integrates (cos b (y_F - y) - x_F sin b)^2 / (E I)
+        The force acts at points of the flank given by `phi`, the radius of curvature over the base
+        radius. The energy method integrates (cos b (y_F - y) - x_F sin b)^2 / (E I)
         + 1.2 cos^2 b / (G A) + sin^2 b / (E A), with A = 2 x w and I = 2/3 x^3 w, over the height y
-        of fillet and flank below the force. The force acts at (x_F, y_F) with the angle b, w is the
+        of fillet and flank below the force. The force acts at (x_F, y_F) at the angle b, w is the
         face width, and E and G are the moduli of elasticity and of shear.
         """
         phi = np.asarray(phi, float)
         force_x, force_y, b = (coordinate[..., None] for coordinate in self.flank(phi))
-        # Gauss-Legendre points of the flank between its start and the force.
+        # Gauss-Legendre points of the flank between the start of the involute and the force.
         half_range = (phi - self.form_phi)[..., None] / 2.0
-        flank_phi = self.form_phi + half_range * (1.0 + _NODES)
+        flank_phi = self.form_phi + half_range * (1.0 + _GAUSS_NODES)
         x, y, angle = self.flank(flank_phi)
-        weights = np.abs(self.base_radius * flank_phi * np.cos(angle) * half_range) * _WEIGHTS
+        weights = np.abs(self.base_radius * flank_phi * np.cos(angle) * half_range) * _GAUSS_WEIGHTS
         if self._fillet is not None:
             fillet_x, fillet_y, fillet_weights = (
                 np.broadcast_to(values, x.shape) for values in self._fillet
@@ -196,28 +197,28 @@ class Tooth:
     def body_compliance(self, phi: ArrayLike) -> np.ndarray:
         """Return the compliance of the gear body for forces on the flank, m/N; 0 for a ring gear.
 
-        `phi` gives the points where the force acts, by the radius of curvature over the base
-        radius. L, M, P, Q and u are the symbols of Sainsot et al. (2004) for bodies with a bore and
-        of Cornell (1981) for bodies without a bore.
+        The force acts at points given by `phi`, the radius of curvature over the base radius. L, M,
+        P, Q and u are the symbols of Sainsot et al. (2004) for bodies with a bore, and of Cornell
+        (1981) for bodies without a bore.
         """
         phi = np.asarray(phi, float)
         if self._fillet is None:
             return np.zeros(phi.shape)
         b = phi - self.base_half_angle
         x, y, _ = self.fillet(math.pi / 2.0)
-        theta = float(np.arctan2(x, y))  # half the angle of the tooth at its root
+        theta = float(np.arctan2(x, y))  # half the angle of the tooth at the root
         if not self.gear.bore:
-            # Cornell's half plane in plane stress.
+            # Half plane of Cornell in plane stress.
             poisson = self.gear.material.poisson
             L, M, P = 16.67 / math.pi, 2.0 * (1.0 - poisson), 1.534
             Q = 1.0 / (2.4 * (1.0 + poisson))
         else:
-            # The polynomials in theta and h that Sainsot et al. fitted.
+            # Polynomials in theta and h, fitted by Sainsot et al.
             h = self.root_radius / self._bore_radius
             powers = np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
             L, M, P, Q = _BODY_COEFFICIENTS @ powers
-        # u is the height above the root circle where the force meets the centre line, over the
-        # thickness of the tooth at its root.
+        # u is the height above the root circle at which the force intersects the centre line, over
+        # the tooth thickness at the root.
         u = (self.base_radius / np.cos(b) - self.root_radius) / (2.0 * self.root_radius * theta)
         shape_factor = L * u**2 + M * u + P * (1.0 + Q * np.tan(b) ** 2)
         compliance = np.cos(b) ** 2 * shape_factor
@@ -227,27 +228,26 @@ class Tooth:
 
     @property
     def _bore_radius(self) -> float:
-        """Radius of the bore in m, limited to the range of the body coefficients."""
+        """Radius of the bore in m, at least the smallest one covered by the body coefficients."""
         return max(self.gear.bore / 2.0, self.root_radius / MAX_ROOT_RATIO)
 
     @property
     def _twist_compliance(self) -> float:
-        """Twist of the gear body about its bore by a unit force on a tooth, dimensionless.
+        """Compliance due to the twist of the gear body about its bore, dimensionless.
 
-        It is the arc length on the base circle times the modulus of elasticity E and the face
-        width, over the force.
+        It is the arc length on the base circle per unit force on a tooth, times the modulus of
+        elasticity E and the face width.
         """
-        # A disc between bore and root circle with a torque, in plane stress.
-        squares = 1.0 / self._bore_radius**2 - 1.0 / self.root_radius**2
-        return (1.0 + self.gear.material.poisson) / math.tau * self.base_radius**2 * squares
+        # Torsion of a disc between bore and root circle in plane stress.
+        difference = 1.0 / self._bore_radius**2 - 1.0 / self.root_radius**2
+        return (1.0 + self.gear.material.poisson) / math.tau * self.base_radius**2 * difference
 
     def shared_compliance(self, distance: int) -> float:
-        """Return the deflection of one tooth's contact point by a unit force on another, m/N.
+        """Return the deflection of a tooth's contact point per unit force on another tooth, m/N.
 
-        Both teeth share the gear body. The other tooth is `distance` teeth away. The formula is
-        fitted to finite elements for bores from a fifth of the root diameter; without a bore it is
-        inferred, not fitted. The rim of a ring gear is assumed to be rigid, so that the result is
-        0.
+        Both teeth share the gear body and are `distance` teeth apart. The formula is a fit to
+        finite elements for bores of at least a fifth of the root diameter, and an extrapolation for
+        gears without a bore. The result is 0 for a ring gear, whose rim is assumed to be rigid.
         """
         if self._fillet is None:
             return 0.0
@@ -264,22 +264,22 @@ class Tooth:
         return compliance / (self.gear.material.young * self.width)
 
 
-#: Dependence of the Hertz contact compliance on the load.
+#: Dependence of the compliance of Hertz contact on the load.
 Hertz = Annotated[Literal["constant", "logarithmic"], CHOICE]
 
 
 class PairCompliance:
-    """Compliances of a pair of teeth by the energy method along the path of contact, m/N.
+    """Compliances of a tooth pair along the path of contact by the energy method, m/N.
 
-    Raises ValueError if a bore is too large for the method.
+    Raises an `InputError` if a bore is too large for the method.
     """
 
     def __init__(self, stage: "GearStage", hertz: str = "constant", twist: Any = True) -> None:
-        """Prepare a `Tooth` of both gears of a stage, and check the bores of the gears.
+        """Prepare the `Tooth` of both gears of a stage and check the bores.
 
-        `hertz` is the dependence of the Hertz contact compliance on the load, "constant" or
-        "logarithmic". `twist`, a bool or one for each of (pinion, wheel), is whether gear bodies
-        twist about their bores.
+        `hertz` is the dependence of the contact compliance on the load, "constant" or
+        "logarithmic". `twist` is whether gear bodies twist about their bores, a bool or a pair of
+        bools for (pinion, wheel).
         """
         self.stage, self.hertz = stage, hertz
         twists = tuple(twist) if isinstance(twist, (tuple, list)) else (twist, twist)
@@ -293,31 +293,30 @@ class PairCompliance:
             checks.require(tooth.gear.bore <= max_bore, f"{name}.bore", tooth.gear.bore, allowed)
 
     def teeth_with_phi(self, position: np.ndarray) -> list[tuple[Tooth, np.ndarray]]:
-        """Return (tooth, phi) of pinion and wheel at positions on the path of contact in m.
+        """Return [(tooth, phi), (tooth, phi)] for pinion and wheel at positions in m.
 
-        `tooth` is the `Tooth` of the gear, and phi is the radius of curvature of its flank at the
-        contact point over the base radius.
+        `tooth` is a `Tooth`; phi is the radius of curvature of its flank at the contact point over
+        the base radius.
         """
         curvature_radii = (position, self.stage.wheel_roll_length(position))
         teeth_with_radii = zip(self._teeth, curvature_radii, strict=True)
         return [(tooth, radius / tooth.base_radius) for tooth, radius in teeth_with_radii]
 
     def body_compliances(self, position: np.ndarray) -> np.ndarray:
-        """Return the compliances of both gear bodies in m/N, with the shape (2, ...).
+        """Return the compliances of the bodies of (pinion, wheel) in m/N, shape (2, ...).
 
-        The first axis is pinion and wheel. `position`, shape (...), are positions of the force on
-        the path of contact in m.
+        `position`, shape (...), is the position of the force on the path of contact in m.
         """
         return np.array(
             [tooth.body_compliance(phi) for tooth, phi in self.teeth_with_phi(position)]
         )
 
     def shared_compliances(self, count: int) -> np.ndarray:
-        """Return the compliances that pairs 1, 2, ... `count` - 1 base pitches apart share, m/N.
+        """Return shared compliances of tooth pairs 1, 2, ..., count - 1 base pitches apart, m/N.
 
-        Pairs of teeth share both gear bodies: a force on one pair deflects the other. The
-        compliances are sums over both gears. That of a gear is at most the smallest compliance of
-        its body on the path of contact.
+        A shared compliance is the deflection of one pair per unit force on another, due to the gear
+        bodies that they share. It is a sum over both gears, each limited to the minimum body
+        compliance on the path of contact.
         """
         positions = np.linspace(*self.stage.path, _BODY_POSITIONS)
         max_compliances = self.body_compliances(positions).min(axis=1)
@@ -327,11 +326,10 @@ class PairCompliance:
         return np.minimum(shared.reshape(2, -1), max_compliances[:, None]).sum(axis=0)
 
     def contact_compliance(self, position: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return the secant compliance of the Hertz contact, deflection over force, m/N.
+        """Return the secant compliance of the Hertz contact, i.e. deflection over force, m/N.
 
-        `position` on the path of contact in m and `force` in N have the same shape. If `self.hertz`
-        is "constant", the compliance does not depend on them; otherwise it is logarithmic in the
-        force.
+        `position` on the path of contact in m and `force` in N have the same shape. The compliance
+        does not depend on them if `self.hertz` is "constant"; else it is logarithmic in the force.
         """
         width = self.stage.width
         materials = [tooth.gear.material for tooth in self._teeth]
@@ -347,7 +345,7 @@ class PairCompliance:
         for (tooth, phi), compliance in zip(teeth_with_phi, compliances, strict=True):
             x, _, b = tooth.flank(phi)
             poisson = tooth.gear.material.poisson
-            # The force meets the centre line of the tooth x / cos(b) below the flank.
+            # The force intersects the centre line of the tooth at the depth x / cos(b).
             depth_ratio = 2.0 * x / np.cos(b) / half_width
             factor = np.log(depth_ratio) - poisson / (2.0 * (1.0 - poisson))
             contact_compliance = contact_compliance + 2.0 * compliance / (math.pi * width) * factor
@@ -355,12 +353,12 @@ class PairCompliance:
 
 
 def compliance_matrices(pair, positions, forces, coupling=None) -> np.ndarray:
-    """Return the compliance matrices Q of k pairs of teeth at n phases, (n, k, k), m/N.
+    """Return the compliance matrices Q of k tooth pairs at n phases in m/N, shape (n, k, k).
 
-    `pair` is a `PairCompliance`, which gives the compliances of teeth, contact and gear bodies.
-    `positions` on the path of contact in m and `forces` in N have the shape (n, k). Off the
-    diagonal is what two pairs share: by default a fit to finite elements, or, with a `coupling`
-    from 0 to 1, coupling sqrt(f_i f_j), where f_i is the body compliance of a gear under pair i.
+    `pair` is a `PairCompliance`. `positions` on the path of contact in m and `forces` in N have the
+    shape (n, k). Off-diagonal entries are the shared compliances of two pairs: a fit to finite
+    elements if `coupling` is None, else coupling sqrt(f_i f_j), where f_i is the body compliance of
+    a gear under pair i and `coupling` is from 0 to 1.
     """
     (pinion_tooth, pinion_phi), (wheel_tooth, wheel_phi) = pair.teeth_with_phi(positions)
     pair_compliance = pinion_tooth.compliance(pinion_phi) + wheel_tooth.compliance(wheel_phi)
@@ -369,14 +367,14 @@ def compliance_matrices(pair, positions, forces, coupling=None) -> np.ndarray:
     diagonal = pair_compliance + body_compliances.sum(axis=0)
     count = positions.shape[1]
     if coupling is None:
-        # The index of a shared compliance is the distance of two pairs in base pitches.
+        # Index n of `shared` belongs to pairs that are n base pitches apart.
         shared = np.append(0.0, pair.shared_compliances(count))
         pair_indices = np.arange(count)
         distances = np.abs(pair_indices[:, None] - pair_indices)
         matrix = np.tile(shared[distances], (len(diagonal), 1, 1))
     else:
         roots = np.sqrt(body_compliances)
-        matrix = coupling * np.einsum("gnk,gnl->nkl", roots, roots)  # the sum over both gears g
+        matrix = coupling * np.einsum("gnk,gnl->nkl", roots, roots)  # sum over gears g
     np.einsum("nkk->nk", matrix)[:] = diagonal
     return matrix
 
@@ -392,35 +390,35 @@ def energy_stiffness(
     torque: DrivingTorque | None = None,
     twist=True,
 ):
-    """Return the mesh stiffness of `count` pairs of teeth by the energy method, N/m, shape (n,).
+    """Return the mesh stiffness of `count` tooth pairs by the energy method, N/m, shape (n,).
 
     `pitches`, shape (n,), are base pitches since the start of contact of the last pair; the pairs
-    are one base pitch apart. `coupling` is the fraction of the body compliance that all pairs have
-    in common, by default a fit to finite elements. The Hertz contact, `hertz`, is "constant" or
-    "logarithmic" in the load, which needs the `torque` of the pinion in N m. `twist` is whether
-    gear bodies twist about their bores, a bool or one for each gear.
+    are one base pitch apart. `coupling` is the fraction of the body compliance that all pairs
+    share, by default a fit to finite elements. `hertz` is the dependence of the contact compliance
+    on the load: "constant", or "logarithmic", which needs the pinion `torque` in N m. `twist` is
+    whether gear bodies twist about their bores, a bool or one for each gear.
     """
     pair = PairCompliance(stage, hertz, twist)
     allowed = "a finite number > 0 where hertz is 'logarithmic'"
     checks.require(torque or hertz == "constant", "torque", torque, allowed)
-    # Positions of the contact on the path, m, and the forces, which are equal at first.
+    # Positions on the path of contact in m, and forces, which are initially equal.
     positions = stage.path[0] + (pitches[:, None] + np.arange(count)) * stage.base_pitch
     load = stage.load(torque or 1.0)
     forces = np.full(positions.shape, load / count)
-    # Only the logarithmic contact depends on how the pairs share the load.
+    # Only logarithmic contact depends on the load sharing.
     iterations = _LOAD_ITERATIONS if hertz == "logarithmic" else 1
     for _ in range(iterations):
         compliance = compliance_matrices(pair, positions, forces, coupling)
         pair_stiffness = np.linalg.solve(compliance, np.ones((*positions.shape, 1)))[..., 0]
         mesh_stiffness = pair_stiffness.sum(axis=1)
-        # The logarithmic contact needs a positive force, even for a pair that would pull.
+        # Logarithmic contact needs positive forces.
         forces = np.maximum(pair_stiffness / mesh_stiffness[:, None], 1e-6) * load
     return mesh_stiffness
 
 
 @dataclass(frozen=True)
 class MeshStiffness:
-    """A mesh stiffness as a rectangle, for `GearPair`, and as a profile, for `OneDegreePair`."""
+    """Mesh stiffness as a rectangle, for `GearPair`, and as a profile, for `OneDegreePair`."""
 
     method: str  #: "iso", "energy" or "table"
     max_stiffness: float  #: C_max, N/m
@@ -453,16 +451,16 @@ class MeshStiffness:
 def mesh_stiffness(
     stage: "GearStage", method: str | Tabulated = "iso", *, samples: Phases = 64, **options: Any
 ) -> MeshStiffness:
-    """Return the mesh stiffness by a method, with its equivalent rectangle of two levels.
+    """Compute the mesh stiffness and its equivalent rectangle.
 
     Parameters
     ----------
     stage : GearStage
         Geometry of both gears.
     method : {"iso", "energy"} or Tabulated, default "iso"
-        "iso": the first pair of teeth has the stiffness c' of ISO 6336-1, each further pair
-        0.75 c', so that the mean is c_gamma_alpha. "energy": energy method; the rectangle has the
-        mean of each segment. The rectangle of a table has its extrema and its mean.
+        "iso": the first tooth pair has the stiffness c' of ISO 6336-1, each further pair 0.75 c',
+        so that the mean is c_gamma_alpha. "energy": energy method; the levels of the rectangle are
+        the means of both segments. The rectangle of a table has its extrema and its mean.
     samples : int, default 64
         Number of phases for the energy method, >= 8.
     torque : float, optional
@@ -470,14 +468,14 @@ def mesh_stiffness(
     application_factor : float, default 1
         Application factor K_A for "iso".
     coupling : float, optional
-        For "energy", the fraction of the gear bodies' compliance that all pairs of teeth have in
-        common, from 0 to 1; by default a compliance that is fitted to finite elements.
+        For "energy", the fraction of the gear bodies' compliance that all tooth pairs share, from 0
+        to 1; by default a compliance that is fitted to finite elements.
     twist : bool or pair of bool, default True
-        Whether the twist of gear bodies about their bores counts for "energy", for both gears or
-        for (pinion, wheel). It is a spring in series: it raises kappa and leaves load sharing and
-        the step of the transmission error as they are. ISO 6336 does not count it.
+        Whether "energy" includes the twist of gear bodies about their bores, for both gears or for
+        (pinion, wheel). The twist is a spring in series: it increases kappa, but does not change
+        load sharing and the step of the transmission error. ISO 6336 does not include it.
     hertz : {"constant", "logarithmic"}, default "constant"
-        Dependence of the Hertz contact on the load for "energy".
+        Dependence of the contact compliance on the load for "energy".
 
     Returns
     -------
@@ -504,33 +502,33 @@ def mesh_stiffness(
         single = pair_stiffness(stage, **options)
         levels = [single * (0.25 + 0.75 * count) for count in (fewer_pairs + 1, fewer_pairs)]
         curve = _StiffnessCurve([0.0, segment, segment, 1.0], np.repeat(levels, 2))
-        table = curve.face_average(stage.overlap_ratio).table(segment)
+        table = curve.face_average(stage.overlap_ratio).to_table(segment)
         return MeshStiffness(method, max_stiffness, kappa, epsilon, table)
     checks.check_parameter_names(
         "stiffness 'energy'", options, ("torque", "coupling", "hertz", "twist")
     )
     curve, means = _compute_energy_curve(stage, fewer_pairs, segment, samples, options)
     if stage.overlap_ratio > 0.0:
-        table = curve.face_average(stage.overlap_ratio).table(segment)
+        table = curve.face_average(stage.overlap_ratio).to_table(segment)
         return _make_table_stiffness(method, table)
-    profile = curve.table(segment)
+    profile = curve.to_table(segment)
     return MeshStiffness(method, means[0], means[1] / means[0], 1.0 + segment, profile)
 
 
 def _compute_energy_curve(stage, fewer_pairs, segment, samples, options):
-    """Return the mesh stiffness by the energy method as a curve, and its mean in each segment.
+    """Compute the mesh stiffness by the energy method; return (curve, means of both segments).
 
-    The curve is a `_StiffnessCurve` over one base pitch. Its first segment, from 0 to `segment`
-    base pitches, has `fewer_pairs` + 1 pairs of teeth in contact, and the second segment, up to 1,
-    has `fewer_pairs`. The curve has about `samples` points, and the means are in N/m. `options` is
-    a dict of options of `energy_stiffness`, such as the torque.
+    The curve is a `_StiffnessCurve` over one base pitch with about `samples` points; the means are
+    in N/m. In the first segment, from 0 to `segment` base pitches, `fewer_pairs` + 1 tooth pairs
+    are in contact; in the second segment, up to 1, `fewer_pairs`. `options` is a dict of options of
+    `energy_stiffness`, such as the torque.
     """
     pitches, stiffnesses, means = [], [], []
     for start, end, count in ((0.0, segment, fewer_pairs + 1), (segment, 1.0, fewer_pairs)):
-        # Five points are enough for the mean of a parabola in a short segment.
+        # For a short segment, five points give an accurate mean.
         point_count = max(5, round(samples * (end - start)))
         pitches.append(np.linspace(start, end, point_count))
-        # Below a contact ratio of 1, no pair of a slice of a helical face touches for a while.
+        # If the contact ratio is below 1, there are phases without contact in a slice.
         stiffness = energy_stiffness(stage, pitches[-1], count, **options) if count else 0.0
         stiffnesses.append(np.broadcast_to(stiffness, point_count))
         means.append(float(np.trapezoid(stiffnesses[-1], np.linspace(0.0, 1.0, point_count))))
@@ -538,40 +536,35 @@ def _compute_energy_curve(stage, fewer_pairs, segment, samples, options):
 
 
 def _make_table_stiffness(method: str, table: Tabulated) -> MeshStiffness:
-    """Return the `MeshStiffness` given by a table, with its equivalent rectangle.
+    """Make the `MeshStiffness` of a table; its rectangle has the extrema and the mean of the table.
 
-    The rectangle has the extrema and the mean of the table. `method` is the name of the method that
-    computed the table, or "table".
+    `method` is the name of the method that computed the table, or "table".
     """
     max_stiffness, kappa, epsilon = table.ratios()
     if 1.0 - kappa < 1e-12:
-        # At an integer overlap ratio the stiffness is constant, kappa = 1, with any epsilon.
+        # For an integer overlap ratio, the stiffness is constant; epsilon is then arbitrary.
         kappa, epsilon = 1.0, 1.5
     return MeshStiffness(method, max_stiffness, kappa, epsilon, table)
 
 
 class _StiffnessCurve:
-    """A mesh stiffness over one base pitch, linear between points; equal positions make a step."""
+    """Mesh stiffness over one base pitch, linear between points; two equal positions are a step."""
 
     def __init__(self, pitches: ArrayLike, stiffness: ArrayLike) -> None:
-        """Store positions from 0 to 1 base pitch and the stiffness there in N/m.
-
-        The positions ascend; two equal positions are a step of the stiffness.
-        """
+        """Store ascending positions from 0 to 1 base pitch and the stiffness there in N/m."""
         self.pitches, self.stiffness = np.asarray(pitches, float), np.asarray(stiffness, float)
-        # Trapezoids give the integrals up to each position.
+        # Integrals up to each position, exact for a piecewise linear curve.
         areas = np.diff(self.pitches) * (self.stiffness[1:] + self.stiffness[:-1]) / 2.0
         self._cumulative_areas = np.append(0.0, np.cumsum(areas))
 
-    def integral(self, end: np.ndarray) -> np.ndarray:
-        """Return the integrals of the stiffness from position 0 to `end`, in N/m base pitches.
+    def integrate(self, end: np.ndarray) -> np.ndarray:
+        """Integrate the stiffness from position 0 to `end`, in N/m times base pitches.
 
-        `end`, in base pitches, may lie outside of [0, 1], because the stiffness repeats in each
-        base pitch.
+        `end`, in base pitches, may be outside [0, 1], because the stiffness is periodic.
         """
         periods = np.floor(end)
         position = end - periods
-        # The interval in which the position lies; in a step its length is 0.
+        # Index of the interval that contains the position; at a step its length is 0.
         i = np.searchsorted(self.pitches, position, side="right") - 1
         i = np.clip(i, 0, self.pitches.size - 2)
         length = self.pitches[i + 1] - self.pitches[i]
@@ -581,30 +574,29 @@ class _StiffnessCurve:
         return periods * self._cumulative_areas[-1] + (self._cumulative_areas[i] + area)
 
     def face_average(self, overlap_ratio: float) -> "_StiffnessCurve":
-        """Return the moving average over `overlap_ratio` base pitches, as for a helical face.
+        """Return the moving average over `overlap_ratio` base pitches, i.e. over a helical face.
 
-        The slices of a helical face mesh one after another over this length. The average, again
-        linear between points, is exact if the stiffness is rectangular.
+        The result is again linear between points; it is exact if the stiffness is rectangular.
         """
         half_window = overlap_ratio / 2.0
-        # The average has a corner where the window of the average begins or ends at a step.
+        # The average has kinks where the averaging window begins or ends at a step.
         step_positions = self.pitches[1:][np.diff(self.pitches) == 0.0]
         is_step = np.isin(self.pitches, [0.0, 1.0, *step_positions])
         steps = self.pitches[is_step]
         positions = [self.pitches[~is_step], steps - half_window, steps + half_window]
         positions = np.sort(np.concatenate(positions) % 1.0)
-        # Positions that coincide up to rounding count as equal.
+        # Merge positions that differ only by rounding errors.
         positions = positions[np.diff(positions, append=positions[0] + 1.0) > 1e-12]
-        areas = self.integral(positions + half_window) - self.integral(positions - half_window)
+        areas = self.integrate(positions + half_window) - self.integrate(positions - half_window)
         return _StiffnessCurve(positions, areas / overlap_ratio)
 
-    def table(self, segment: float) -> Tabulated:
-        """Return the stiffness over the mesh phase as a `Tabulated`; a step becomes a short ramp.
+    def to_table(self, segment: float) -> Tabulated:
+        """Convert the curve to a `Tabulated` over the mesh phase; steps become short ramps.
 
-        The mesh phase is 0 in the middle of the first segment, the one with more pairs of teeth in
-        contact, which ends at `segment` base pitches.
+        The mesh phase is 0 in the middle of the first segment, which ends at `segment` base pitches
+        and has more tooth pairs in contact.
         """
-        # A table needs distinct phases, so that the second of two equal positions is moved.
+        # The phases of a table must be distinct, so the second of two equal positions is moved.
         pitches = self.pitches.copy()
         if pitches[-1] == 1.0:
             pitches[-1] -= _RAMP_LENGTH
@@ -612,6 +604,6 @@ class _StiffnessCurve:
         pitches[steps] += _RAMP_LENGTH
         distinct = np.concatenate([[True], np.diff(pitches) > 0.0])
         phase = math.tau * ((pitches[distinct] - segment / 2.0) % 1.0)
-        # A phase just below 0 is rounded to 2 pi, which is the phase 0 of the next period.
+        # A phase slightly below 0 may be rounded to 2 pi, i.e. phase 0 of the next period.
         phase, order = np.unique(np.where(phase < math.tau, phase, 0.0), return_index=True)
         return Tabulated(phase, self.stiffness[distinct][order])
