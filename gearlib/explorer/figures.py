@@ -25,13 +25,13 @@ _SPEED_LABEL = "speed of the pinion, rpm"
 
 
 class Figures:
-    """The figures of a gear pair over the tuning, or of gear geometry over the speed."""
+    """The figures of the explorer: over the tuning, or over the speed for gears given by geometry."""
 
     def __init__(self, by_geometry: bool):
-        """Create empty figures; with `by_geometry` also figures of the teeth and a table.
+        """Create empty figures; for gears given by geometry, add figures of the teeth and a table.
 
-        Each curve has a name, a key of `sources`; setting the points of this data source redraws
-        it.
+        Each curve has a name, which is a key of `sources`; when the points of this data source are set,
+        the curve is redrawn.
         """
         self.by_geometry = by_geometry
         # Names of the curves of the Harris map: torques over the chosen torque, which is the last.
@@ -54,10 +54,10 @@ class Figures:
         ]
 
     def draw(self, view: View) -> str:
-        """Draw the results of a view into all figures, and return its message.
+        """Draw the results of a view in all figures, and return its message.
 
-        A `View` has the results for one position of the sliders. With gear geometry the curves are
-        over the speed, else over the tuning (mesh frequency over natural frequency).
+        A `View` contains the results for one position of the sliders. For gears given by geometry,
+        curves are over the speed, otherwise over the tuning (mesh frequency over natural frequency).
         """
         tuning = float(view.run.tuning)
         if self.by_geometry:
@@ -86,7 +86,7 @@ class Figures:
         """Draw dynamic factor and transmission error over the speed, and lines at the jumps.
 
         `curves` is a result of `gearlib.studies.teeth_over_speed.sweep_speeds`, for rising ("up") and
-        falling speed.
+        falling ("down") speed.
         """
         speed = curves.speed.values
         for name in ("up", "down"):
@@ -107,10 +107,10 @@ class Figures:
         self._set_points("jumps", np.append(x, np.nan), np.append(y, np.nan))
 
     def _draw_teeth(self, view: View) -> None:
-        """Show the results of gear geometry: table of quantities, Harris map, and load share.
+        """Show the results for gears given by geometry: table, Harris map and load share.
 
-        The Harris map has the transmission error for several torques. The load share is the part of
-        the load that one pair of teeth carries.
+        A Harris map shows the transmission error at several torques. The load share is the fraction of
+        the load that one tooth pair carries.
         """
         rows = [f"| {name} | {value} |" for name, value in derived_quantities(view)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
@@ -127,10 +127,10 @@ class Figures:
         self.sources[name].data = {"x": x, "y": y}
 
     def _create_plot(self, title: str, x: str, y: str, *lines, **options):
-        """Return a Bokeh figure with the axis labels `x` and `y`, and a curve for each of `lines`.
+        """Create a Bokeh figure with the axis labels `x` and `y` and a curve for each of `lines`.
 
         A line is a tuple (name of its data source, colour index in `PALETTE`, options of
-        `figure.line`); `options` are passed to `bokeh.plotting.figure`.
+        `figure.line`). `options` are passed to `bokeh.plotting.figure`.
         """
         settings = {"sizing_mode": "stretch_both", "min_border_left": _LABEL_WIDTH}
         settings |= {"toolbar_location": None, "title": title} | options
@@ -141,10 +141,10 @@ class Figures:
         return plot
 
     def _resonance_figure(self):
-        """Return the figure of the resonance curve, and the line that marks the chosen abscissa.
+        """Create the figure of the resonance curve; return it and the line that marks the abscissa.
 
-        With gear geometry the curve is the dynamic factor over the speed, else the displacement
-        extrema over the tuning (mesh frequency over natural frequency).
+        The curve is the dynamic factor over the speed for gears given by geometry, otherwise the
+        displacement extrema over the tuning (mesh frequency over natural frequency).
         """
         if self.by_geometry:
             title, y = "Pairs of teeth: dynamic factor", "dynamic factor"
@@ -168,10 +168,10 @@ class Figures:
         return plot, marker
 
     def _motion_figures(self) -> list:
-        """Return a list of figures of the motion at the chosen speed.
+        """Create the figures of the motion at the chosen speed.
 
-        They show phase plane, time history, Floquet multipliers (growth of perturbations in a
-        period) with the unit circle, and order spectrum of the mesh force.
+        They show the phase plane, the time history, the Floquet multipliers (growth of perturbations
+        per period) with the unit circle, and the order spectrum of the mesh force.
         """
         orbit = ("plane", _FIRST_COLOUR, {})
         plane = self._create_plot("Phase plane", "displacement", "velocity dx/dτ", orbit)
@@ -191,10 +191,10 @@ class Figures:
         return [plane, history, multipliers, spectrum]
 
     def _teeth_figures(self) -> list:
-        """Return figures of Harris map, load share, and transmission error over the speed.
+        """Create the figures of the Harris map, the load share, and the transmission error over speed.
 
-        The Harris map has the transmission error over the mesh phase for several torques, the load
-        share is that of one pair of teeth along its path of contact.
+        A Harris map shows the transmission error over the mesh phase at several torques. The load share
+        is that of one tooth pair along its path of contact.
         """
         lines = [(name, _GREY, {"legend_label": name}) for name in self.harris_names[:-1]]
         lines.append(("chosen", _FIRST_COLOUR, {"line_width": 3, "legend_label": "1"}))  # ratio
@@ -210,10 +210,11 @@ class Figures:
 
 
 def _load_share_along_path(error, phases: int):
-    """Return the position on the path of contact, mm, and the load share of a pair of teeth.
+    """Return the position on the path of contact, mm, and the load share of a tooth pair.
 
     Both are arrays over the phases at which the pair is in contact. `error` is a result of
-    `GearStage.transmission_error`, whose last torque counts; a mesh period has `phases` phases.
+    `GearStage.transmission_error`, of which the last torque is used; `phases` is the number of
+    phases per mesh period.
     """
     static = error.isel(torque=-1)
     position, load_share = static.path_position.values, static.load_share.values
@@ -230,7 +231,7 @@ def _stem_lines(spectrum):
     """Return x and y of vertical lines, separated by NaN, for the amplitudes of an order spectrum.
 
     `spectrum` is a result of `gearlib.orders`. The mean force (order 0) and amplitudes far below it
-    are left out.
+    are omitted.
     """
     amplitude = spectrum.force_amplitude.values
     is_shown = amplitude > _MIN_AMPLITUDE * amplitude[0]
@@ -243,7 +244,7 @@ def _stem_lines(spectrum):
 
 
 def derived_quantities(view: View) -> list[tuple[str, str]]:
-    """Return pairs (name, value with unit) of quantities that follow from the gear geometry.
+    """Return pairs (name, value with unit) of quantities computed from the gear geometry.
 
     Dynamic factors and transmission error are those at the chosen speed and torque.
     """
@@ -274,7 +275,7 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
 
 
 def figure_pane(plot, height=_SMALL_HEIGHT):
-    """Return a Panel object of a Bokeh figure that fills a given part of the window.
+    """Return a Panel object with a Bokeh figure that fills a given part of the window.
 
     `height` is a pair: fraction of the window height, and minimum height in pixels.
     """

@@ -33,7 +33,7 @@ _GEOMETRY |= {"module", "helix_angle"}
 
 
 class Slider(NamedTuple):
-    """A slider in its displayed unit; only `initial`, the initial value, is in SI units."""
+    """A slider; all values except `initial`, which is in SI units, are in the displayed unit."""
 
     label: str
     initial: float
@@ -44,10 +44,10 @@ class Slider(NamedTuple):
 
 
 def create_slider(label: str, initial: float, low: float, high: float, unit: float = 1.0) -> Slider:
-    """Return a slider with limits rounded outwards and a step of 1, 2 or 5 times a power of ten.
+    """Create a slider with limits rounded outwards and a step of 1, 2 or 5 times a power of ten.
 
-    The `initial` value, the limits `low` and `high`, and `unit`, the size of the displayed unit,
-    are in SI. The slider has at least `_MIN_STEPS` steps.
+    The `initial` value, the limits `low` and `high`, and the size of the displayed `unit` are in SI
+    units. The slider has at least `_MIN_STEPS` steps.
     """
     low, high, shown_initial = low / unit, high / unit, initial / unit
     # The step is the largest allowed one; `_TOLERANCE` absorbs rounding errors of the ratios.
@@ -64,10 +64,10 @@ def create_slider(label: str, initial: float, low: float, high: float, unit: flo
 def create_parameter_slider(
     model: type, name: str, initial: float, low: float, high: float
 ) -> Slider:
-    """Return a slider for the declared parameter `name` of a model class.
+    """Create a slider for the declared parameter `name` of a model class.
 
-    The initial value and the limits `low` and `high` are in SI. The label and the displayed unit
-    come from the annotation of the parameter in the class.
+    The `initial` value and the limits `low` and `high` are in SI units. The label and the displayed
+    unit are taken from the annotation of the parameter in the class.
     """
     parameter = declared_parameters(model)[name]
     number, label = parameter.numeric_unit or Unit("1"), parameter.long_name
@@ -85,9 +85,9 @@ def create_parameter_slider(
 class Sliders:
     """The sliders of a configuration with one of its dampings.
 
-    Gears given by geometry have sliders of geometry and speed, other gears have sliders of the
-    parameters of the pair and of the tuning. `abscissa` is the name of the slider whose quantity is
-    on the horizontal axis of the resonance curve.
+    For gears given by geometry, they change the geometry and the speed, otherwise the parameters of
+    the gear pair and the tuning. `abscissa` is the name of the slider whose quantity is on the
+    horizontal axis of the resonance curve.
     """
 
     def __init__(self, mapping: dict, damping: str):
@@ -117,9 +117,9 @@ class Sliders:
         self.abscissa = "speed" if self.by_geometry else "tuning"
 
     def _pair_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
-        """Return the heading of the page and the sliders, by name, of a gear pair without geometry.
+        """Return the heading of the page and the sliders of a gear pair without geometry, by name.
 
-        `settings` is the validated configuration. Limits are chosen around the initial values.
+        `configuration` is the validated configuration. Slider limits depend on the initial values.
         """
         pair, grid, tuning = self.pair, settings.resonance, settings.phase_planes.tunings[0]
         # Infinite backlash is shown as four static deflections.
@@ -137,10 +137,10 @@ class Sliders:
         return heading, sliders
 
     def _geometry_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
-        """Return the heading of the page and the sliders, by name, of gears given by geometry.
+        """Return the heading of the page and the sliders of gears given by geometry, by name.
 
-        `settings` is the validated configuration, whose gear stage is kept in `self.mesh`. Limits
-        are chosen around the initial values.
+        `configuration` is the validated configuration; its gear stage is stored as `self.stage`. Slider
+        limits depend on the initial values.
         """
         self.mesh = mesh = settings.gears.mesh()
         torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
@@ -180,8 +180,8 @@ class Sliders:
     def configuration(self, values: dict[str, float]) -> dict:
         """Return the configuration as a dict with the values of the sliders.
 
-        `values` has the value of each slider in SI, by name. Keys of sliders that were not moved
-        stay unchanged. Raise ValueError for impossible gears.
+        `values` contains the value of each slider in SI units, by name. Keys whose sliders have not
+        been moved remain unchanged. Raise ValueError if the gears are impossible.
         """
         moved = {name for name, slider in self.sliders.items() if values[name] != slider.initial}
         changed = copy.deepcopy(self.mapping)
@@ -203,12 +203,12 @@ class Sliders:
         return changed
 
     def _apply_to_geometry(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
-        """Write the values of the `moved` sliders into the section `gears` of the configuration.
+        """Write the values of the `moved` sliders to the section `gears` of a configuration.
 
-        `values` has the value of each slider in SI, by name. Given values that fit only the initial
-        gears are adapted or removed: the tip diameter keeps the height of the tooth tip over the
-        module, a tip relief its length over the module, and pitch errors and a given centre
-        distance are deleted.
+        `values` contains the value of each slider in SI units, by name. Values that are only valid for
+        the initial gears are adapted or deleted: the addendum (of a given tip diameter) and the length
+        of a tip relief remain constant in modules; pitch errors and a given centre distance are
+        deleted.
         """
         for name in moved & {"module", "width", "helix_angle"}:
             gears["pinion"][name] = values[name]
@@ -247,10 +247,10 @@ class Sliders:
             self._apply_tip_relief(gears, values["tip_relief"])
 
     def _apply_tip_relief(self, gears: dict, amount: float) -> None:
-        """Scale the tip reliefs in the section `gears` so that the largest becomes `amount`, m.
+        """Scale the tip reliefs in the section `gears` so that the largest amount becomes `amount`, m.
 
-        If there are none, both gears get tip relief of the largest possible length. Tip relief is
-        material removed at the tip of the teeth.
+        If there are none, both gears get tip relief of the maximum length. Tip relief is the removal of
+        material at the tips of the teeth.
         """
         initial_amount = self.sliders["tip_relief"].initial
         if not initial_amount:
@@ -265,13 +265,13 @@ class Sliders:
 
 
 class Page:
-    """The page of a configuration with one of its dampings."""
+    """The page for a configuration with one of its dampings."""
 
     def __init__(self, mapping: dict, damping: str):
         """Create the page of a configuration; `damping` names one of its damping combinations.
 
-        `mapping` is the content of the configuration file. Each movement of a slider calls
-        `update`, each click in the resonance curve calls `handle_click`.
+        `mapping` is the content of the configuration file. `update` is called when a slider is moved,
+        `handle_click` when the user clicks on the resonance curve.
         """
         self.slider_set = Sliders(mapping, damping)
         self.figures = Figures(self.slider_set.by_geometry)
@@ -292,11 +292,10 @@ class Page:
         self.update()
 
     def handle_click(self, event) -> None:
-        """Set the slider of the horizontal axis to the position of a click in the resonance curve.
+        """Set the slider of the horizontal axis to the position of a click on the resonance curve.
 
-        This slider, `abscissa`, is the speed, or the tuning (mesh frequency over natural
-        frequency). `event` is the tap event of Bokeh, with the position `x` in data coordinates,
-        which is rounded to a step of the slider.
+        This slider, `abscissa`, is the speed or the tuning (mesh frequency over natural frequency). The
+        position `event.x` of the Bokeh tap event is rounded to a step of the slider.
         """
         widget = self.widgets[self.slider_set.abscissa]
         value = widget.start + round((event.x - widget.start) / widget.step) * widget.step
@@ -315,10 +314,10 @@ class Page:
         return self.slider_set.configuration(values)
 
     def update(self, *_) -> None:
-        """Compute and draw the results for the slider values, or show why they are invalid.
+        """Compute and draw the results for the slider values, or show an error message.
 
-        Invalid values hide the figures and disable the download. Panel passes events, which are
-        ignored.
+        If the values are invalid, the figures are hidden and the download is disabled. The events
+        passed by Panel are ignored.
         """
         start, is_valid = time.perf_counter(), True
         try:
@@ -331,7 +330,7 @@ class Page:
         self.figure_column.visible = is_valid
 
     def config_file(self) -> io.BytesIO:
-        """Return the current configuration as a YAML file, for the download button."""
+        """Return the current configuration as a YAML file for the download button."""
         text = yaml.safe_dump(self.configuration(), sort_keys=False, allow_unicode=True)
         return io.BytesIO(f"# Saved by gearlib explore.\n{text}".encode())
 
@@ -346,12 +345,12 @@ class Page:
 
 
 def _initial_value(slider: Slider) -> float:
-    """Return the initial value of a slider in its displayed unit, rounded to 12 digits."""
+    """Return the initial value of a slider in the displayed unit, rounded to 12 digits."""
     return float(f"{slider.initial / slider.unit:.12g}")
 
 
 def _create_widget(slider: Slider):
-    """Return the Panel widget of a slider, in its displayed unit, with up to six decimals."""
+    """Create the Panel widget of a slider, in the displayed unit, with up to six decimals."""
     settings = {"start": slider.low, "end": slider.high, "step": slider.step}
     settings |= {"value": _initial_value(slider), "format": "0[.][00000]"}
     return pn.widgets.FloatSlider(label=slider.label, **settings)
@@ -360,8 +359,8 @@ def _create_widget(slider: Slider):
 def serve(mapping: dict, damping: str, port: int = 0, show: bool = True) -> None:
     """Serve the explorer page on this machine until interrupted.
 
-    `mapping` is the content of a configuration file, `damping` the name of one of its damping
-    combinations. Port 0 means any free port; `show` opens a browser.
+    `mapping` is the content of a configuration file, and `damping` the name of one of its damping
+    combinations. Port 0 means any free port. If `show` is true, a browser is opened.
     """
     pn.extension()
     # Computing one view loads the compiled kernels before the first slider is moved.

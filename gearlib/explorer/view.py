@@ -37,7 +37,7 @@ _HELICAL_PHASES = 64
 
 
 class View(NamedTuple):
-    """The results of one configuration at its speed or tuning."""
+    """Results for one configuration at its speed or tuning."""
 
     pair: GearPair  #: gear pair with a rectangular stiffness
     run: xr.Dataset  #: result of `gearlib.simulate` at the speed or tuning
@@ -52,11 +52,11 @@ class View(NamedTuple):
 
 
 def compute_view(mapping: dict, damping: str) -> View:
-    """Return the results that the explorer draws for a configuration at its first tuning.
+    """Compute the results that the explorer shows for a configuration at its first tuning.
 
     The tuning is the mesh frequency over the natural frequency. `mapping` is the content of the
-    configuration file, `damping` the name of one of its damping combinations. Raise ValueError if
-    the gears are impossible.
+    configuration file, and `damping` the name of one of its damping combinations. Raise ValueError
+    if the gears are impossible.
     """
     settings = config.load(mapping)
     pair = build_model(settings.pair(damping))
@@ -104,8 +104,8 @@ def compute_view(mapping: dict, damping: str) -> View:
 def _resonance_curve(pair: GearPair, tunings: np.ndarray, direction: str) -> xr.Dataset:
     """Return a sweep of a gear pair over tunings, with NaN where the motion is unbounded.
 
-    The tuning is the mesh frequency over the natural frequency; it increases if the `direction` is
-    "up" and decreases if it is "down".
+    The tuning is the mesh frequency over the natural frequency; it increases if `direction` is "up"
+    and decreases if it is "down".
     """
     settings = {"periods": _PERIODS, "record_periods": _RECORDED, "threads": 1}
     curve = sweep(pair, tunings, direction=direction, **settings)
@@ -114,11 +114,11 @@ def _resonance_curve(pair: GearPair, tunings: np.ndarray, direction: str) -> xr.
 
 
 def _simulate_view(model: Any, tuning: float, repeat_periods: int = 1) -> View:
-    """Return the `View` of a model's motion at one tuning, without curves over the speed.
+    """Simulate a model at one tuning and return the `View` without curves over the speed.
 
-    The tuning is the mesh frequency over the natural frequency. Models with pairs of teeth start in
-    static equilibrium, a plain gear pair from rest. Pitch errors repeat after `repeat_periods` mesh
-    periods.
+    The tuning is the mesh frequency over the natural frequency. Models with tooth pairs start from
+    static equilibrium, a plain gear pair starts from rest. Pitch errors repeat after
+    `repeat_periods` mesh periods.
     """
     # The record spans a revolution, or with pitch errors the periods until the same teeth meet.
     recorded = max(round(model.periods_per_revolution), min(repeat_periods, _MAX_RECORDED))
@@ -150,8 +150,8 @@ def _simulate_view(model: Any, tuning: float, repeat_periods: int = 1) -> View:
 def _floquet_multipliers(model, run: xr.Dataset) -> np.ndarray:
     """Return the Floquet multipliers of the periodic orbit on which a run has settled.
 
-    They tell how much small perturbations grow in a period. Return an empty array if the run has
-    not settled (period 0) or no orbit is found.
+    They are the factors by which small perturbations grow per period. Return an empty array if the
+    run has not settled (period 0) or if no orbit is found.
     """
     if not int(run.period):
         return np.empty(0)

@@ -1,4 +1,4 @@
-"""The analytic method: iterations and range of convergence; errors and resonance curve."""
+"""The analytic method: iterations and convergence, errors and resonance curve."""
 
 import numpy as np
 import xarray as xr
@@ -23,8 +23,8 @@ _DIRECTIONS = {"up": ("#0072B2", "^"), "down": ("#D55E00", "v")}
 def draw(data: xr.Dataset) -> dict[str, Figure]:
     """Return the figures of convergence and of harmonics of the analytic method, by name.
 
-    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`. The method
-    computes a periodic orbit by iterating on its Fourier coefficients.
+    The method computes periodic orbits by iterating on their Fourier coefficients. `data` is a
+    result of `gearlib.studies.analytic_method.analytic_method_study`.
     """
     return {"analytic_method": draw_convergence(data), "harmonic_balance": draw_harmonics(data)}
 
@@ -33,20 +33,19 @@ def draw(data: xr.Dataset) -> dict[str, Figure]:
 def draw_convergence(data: xr.Dataset):
     """Return a figure of iterates of the analytic method, their errors, and contraction factors.
 
-    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`. The method
-    iterates on the Fourier coefficients of an orbit. Its dimension "shown" holds the tunings (mesh
-    frequency over natural frequency) that have a panel of their own. Circles mark iterates that are
-    followed by a Newton step (`algebraic_step` = 1), which solves for the degenerate
-    (near-resonant) harmonics.
+    The method iterates on the Fourier coefficients of an orbit. Each tuning (mesh frequency over
+    natural frequency) in the dimension "shown" has its own panel. Circles mark iterates followed by
+    a Newton step (`algebraic_step` = 1), which solves for the degenerate (near-resonant) harmonics.
+    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`.
     """
     figure = style.page_figure(height=7.6)
     areas = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
     _draw_iterates(areas[0], data)
-    options = {"panel": "shown", "figure": areas[1]}
+    options = {"panel_dim": "shown", "figure": areas[1]}
     error_axes = panels.draw_panels(data, "iteration", "iterate_error", **options)
     for i, axes in enumerate(error_axes[0]):
         error = data.iterate_error[i].where(data.algebraic_step[i] == 1)
-        label = "a step of the degenerate part follows"
+        label = "a Newton step of the degenerate part follows"
         style.draw_markers(axes, data.iteration, error, "o", "#D55E00", 3.5, label=label)
         axes.set(yscale="log", title="")
     style.add_legend(areas[1], error_axes[0, 0], columns=1)
@@ -55,15 +54,15 @@ def draw_convergence(data: xr.Dataset):
 
 
 def _draw_iterates(figure, data: xr.Dataset):
-    """Draw some iterates of the analytic method over the exact orbit, a panel for each tuning.
+    """Draw iterates of the analytic method and the exact orbit, with one panel for each tuning.
 
     The tunings (mesh frequency over natural frequency) are those of the dimension "shown" of
-    `data`; `_ITERATION_COLOURS` says which iterations are drawn. Titles state `degenerate_chosen`,
-    the number of degenerate (near-resonant) harmonics.
+    `data`; the iterations are the keys of `_ITERATION_COLOURS`. Titles state the number of
+    degenerate (near-resonant) harmonics.
     """
     iterations = [number for number in _ITERATION_COLOURS if number in data.iteration]
     styles = {n: {"color": _ITERATION_COLOURS[n], "label": f"iteration {n}"} for n in iterations}
-    options = {"panel": "shown", "colour": "iteration", "styles": styles, "figure": figure}
+    options = {"panel_dim": "shown", "colour_dim": "iteration", "styles": styles, "figure": figure}
     data = panels.phase_to_mesh_periods(data)
     grid = panels.draw_panels(data, "phase", "iterate_displacement", **options)
     for i, axes in enumerate(grid[0]):
@@ -75,12 +74,12 @@ def _draw_iterates(figure, data: xr.Dataset):
 
 
 def _draw_contraction(figure, data: xr.Dataset):
-    """Draw maps of the contraction factor over tuning and number of degenerate harmonics.
+    """Draw maps of the contraction factor over the tuning and the number of degenerate harmonics.
 
-    The contraction factor is the factor by which an iteration changes a small error; the tuning is
-    the mesh frequency over the natural frequency. A harmonic is degenerate if it is near resonance.
-    The stepped line, `automatic`, is the number of degenerate harmonics that gearlib chooses by
-    itself. The upper map is for gears that never lose contact, the lower one for gears with
+    The contraction factor is the factor by which one iteration changes a small error; the tuning is
+    the mesh frequency over the natural frequency. Harmonics are degenerate if they are near
+    resonance. The stepped line is the number of degenerate harmonics that gearlib chooses
+    automatically. The upper map is for gears that never lose contact, the lower for gears with
     backlash.
     """
     grid = figure.subplots(2, 1, sharex=True)
@@ -89,7 +88,7 @@ def _draw_contraction(figure, data: xr.Dataset):
         case = data.isel(contact_loss=k)
         options = {"cmap": "RdBu_r", "norm": LogNorm(0.01, 100.0), "rasterized": True}
         image = axes.pcolormesh(data.tuning, counts, case.contraction, **options)
-        # Crosses mark iterations that did not converge although their factor is known.
+        # Crosses mark iterations that diverged although their contraction factor is known.
         rows, columns = np.nonzero((case.converged == 0) & case.contraction.notnull())
         options = {"markeredgewidth": 0.7, "label": "diverged"}
         tunings = data.tuning.values[columns]
@@ -108,9 +107,9 @@ def _draw_contraction(figure, data: xr.Dataset):
 def draw_harmonics(data: xr.Dataset):
     """Return a figure of errors over the number of harmonics, above a harmonic-balance curve.
 
-    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`; its dimension
-    "shown" holds the tunings (mesh frequency over natural frequency) that have a panel of errors.
-    The curve shows the extrema of the displacement by harmonic balance, and by exact sweeps.
+    Each tuning (mesh frequency over natural frequency) in the dimension "shown" has its own panel
+    of errors. The resonance curve shows the displacement extrema of harmonic balance and of exact
+    sweeps. `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`.
     """
     figure = style.page_figure(height=5.4)
     error_area, resonance_area = figure.subfigures(2, 1, height_ratios=[2.4, 3.0])
@@ -131,11 +130,10 @@ def draw_harmonics(data: xr.Dataset):
 
 
 def _draw_errors(axes, data: xr.Dataset):
-    """Draw the errors of both methods at one tuning over the number h of harmonics.
+    """Draw the errors of harmonic balance and E. Schmidt's method over the number h of harmonics.
 
-    The tuning is the mesh frequency over the natural frequency. `_METHODS` names the methods,
-    harmonic balance and that of E. Schmidt; there are errors of displacement and of velocity.
-    Dotted lines show the slopes of 1/h^2 and 1/h.
+    `data` belongs to one tuning (mesh frequency over natural frequency) and contains errors of
+    displacement and velocity. Dotted lines show the slopes of 1/h^2 and 1/h.
     """
     for method, (_, colour, marker, face) in _METHODS.items():
         options = {"color": colour, "marker": marker, "markerfacecolor": face, "markersize": 3.5}
@@ -175,7 +173,7 @@ def _draw_resonance(figure, data: xr.Dataset):
     ]
     handles += [
         style.legend_handle("line: exact sweep", _GREY),
-        style.legend_handle("mark: harmonic balance", _GREY, "", "^"),
+        style.legend_handle("marker: harmonic balance", _GREY, "", "^"),
         style.legend_handle("unstable", _GREY, "", "^", markerfacecolor="white"),
     ]
     style.add_legend(figure, handles, columns=5)

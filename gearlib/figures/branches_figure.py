@@ -1,7 +1,7 @@
 """Branches of periodic orbits with their special points, and the jump of the motion from rest.
 
-One figure shows how the special points move with the damping. The other, which belongs to Fig. 6,
-shows how far each change of the run shifts the jump.
+One figure shows how the special points depend on the damping. The other, which relates to Fig. 6,
+shows how far changes of the run shift the jump.
 """
 
 import math
@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from gearlib.figures import panels, style
 
 _HEIGHT = 6.6
-#: Number of points on both sides of a fold that show on which side the branch lies.
+#: Number of points on either side of a fold from which the side of the branch is determined.
 POINTS_BESIDE_FOLD = 6
-#: Special points closer than these fractions of the ranges of tuning and height share a text.
+#: Size of a text relative to the ranges of tuning and height; special points within it share one.
 TEXT_WIDTH, TEXT_HEIGHT = 0.05, 0.06
 #: Code of `gearlib.analysis.orbits.special_points` -> (name, colour, marker).
 SPECIAL_POINTS = {
@@ -31,11 +31,11 @@ SPECIAL_POINTS = {
 def draw_branches(branches: xr.Dataset, loci: xr.Dataset):
     """Return a figure of branches of periodic orbits, above the loci of their special points.
 
-    Both are drawn over the tuning (mesh frequency over natural frequency). `branches` and `loci`
-    are results of the functions of the same name in `gearlib.studies.resonance`. Special points are
-    folds, period doublings and so on (keys of `SPECIAL_POINTS`); a locus is the curve of damping
-    over tuning along which such a point moves. The variable orbit_height is the peak-to-peak
-    displacement. A dotted line marks own_damping, the damping ratio of the branches.
+    Special points are folds, period doublings etc. (see `SPECIAL_POINTS`); a locus is the curve in
+    the plane of tuning (mesh frequency over natural frequency) and damping on which such a point
+    lies. The variable orbit_height is the peak-to-peak displacement. A dotted line marks the
+    damping ratio of the branches. `branches` and `loci` are results of the functions with these
+    names in `gearlib.studies.resonance`.
     """
     figure = style.page_figure(_HEIGHT)
     branch_axes, locus_axes = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
@@ -59,18 +59,18 @@ def draw_branches(branches: xr.Dataset, loci: xr.Dataset):
 def draw_curve(axes, branches: xr.Dataset, variable: str, colour: str, width=1.0, zorder=2.0):
     """Draw a variable of orbit branches over the tuning, dashed where orbits are unstable.
 
-    `branches` has an entry for each orbit: its tuning (mesh frequency over natural frequency),
-    whether it is stable, the number of its branch. `variable` is the name of the variable on the
-    vertical axis, `width` the line width in points.
+    `branches` has an entry for each orbit: its tuning (mesh frequency over natural frequency), its
+    stability, and the number of its branch. `variable` is the variable on the vertical axis, and
+    `width` the line width in points.
     """
     tuning, values = branches.tuning.values, branches[variable].values
     stable = branches.stable.values.astype(bool)
     for branch_number in np.unique(branches.branch):
         points = np.flatnonzero(branches.branch == branch_number)
-        # Stability is constant within a section of the branch.
+        # Split the branch where the stability changes.
         section_starts = np.flatnonzero(np.diff(stable[points].astype(int))) + 1
         for section in np.split(points, section_starts):
-            # The line starts at the last point before stability changes, so that no gap appears.
+            # Start at the last point of the previous section to avoid a gap.
             section = np.arange(max(section[0] - 1, points[0]), section[-1] + 1)
             dashes = "-" if stable[section[-1]] else style.DASHED
             options = {"color": colour, "linestyle": dashes, "linewidth": width, "zorder": zorder}
@@ -78,11 +78,10 @@ def draw_curve(axes, branches: xr.Dataset, variable: str, colour: str, width=1.0
 
 
 def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, size=4.5):
-    """Draw markers at the special points of branches of orbits, such as folds; `size` is in points.
+    """Draw markers at the special points of branches of orbits, e.g. folds; `size` is in points.
 
-    `x`, `y` and `labels` have an entry for each orbit of a branch. A label is the code of a kind of
-    special point, a key of `SPECIAL_POINTS`, or another number for an ordinary orbit, which gets no
-    marker.
+    `x`, `y` and `labels` have an entry for each orbit. A label is a key of `SPECIAL_POINTS`, or
+    another number for orbits that are no special points.
     """
     x, y, labels = (np.asarray(values) for values in (x, y, labels))
     for code, (_, colour, marker) in SPECIAL_POINTS.items():
@@ -94,13 +93,12 @@ def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, siz
 def legend_handles(labels: ArrayLike, point_line="none") -> list:
     """Return legend handles for branches of orbits and for the kinds of special points on them.
 
-    `labels` are codes of special points, keys of `SPECIAL_POINTS`; only kinds that occur get an
-    entry. `point_line` is the line style in their entries: "none" for a marker alone, "-" if the
-    figure also shows the loci of special points, which are lines.
+    `labels` are keys of `SPECIAL_POINTS`; only kinds that occur get a handle. `point_line` is the
+    line style of these handles: "none" for a marker only, "-" if the figure also shows loci.
     """
     handles = [
         style.legend_handle("stable orbit"),
-        style.legend_handle("unstable orbit", line=style.DASHED),
+        style.legend_handle("unstable orbit", line_style=style.DASHED),
     ]
     for code, (name, colour, marker) in SPECIAL_POINTS.items():
         if code in np.asarray(labels):
@@ -111,10 +109,9 @@ def legend_handles(labels: ArrayLike, point_line="none") -> list:
 def _draw_locus(axes, locus: xr.Dataset):
     """Draw the locus of a special point of orbits: a curve of damping over tuning.
 
-    The point moves along this curve if the damping and the tuning (mesh frequency over natural
-    frequency) change together. The curve consists of two lines in opposite directions, stored one
-    after the other. Both begin at the special point itself, where the damping ratio equals
-    `own_damping`, the one of the branches.
+    The tuning is the mesh frequency over the natural frequency. The curve is stored as two lines in
+    opposite directions, one after the other. Both begin at the special point of the branch, where
+    the damping ratio is `own_damping`.
     """
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
     damping, branch_damping = locus.damping_ratio.values, float(locus.own_damping)
@@ -124,15 +121,14 @@ def _draw_locus(axes, locus: xr.Dataset):
 
 
 def _write_tunings(axes, branches: xr.Dataset):
-    """Write the tuning beside each special point (fold etc.) of branches of orbits.
+    """Write the tuning next to each special point (fold etc.) of branches of orbits.
 
-    The tuning is the mesh frequency over the natural frequency. Points that are closer than a text
-    is wide and high share one text, which lists their tunings.
+    The tuning is the mesh frequency over the natural frequency. If texts would overlap, they are
+    combined into one text that lists the tunings.
     """
     tuning, height = branches.tuning.values, branches.orbit_height.values
     labels = branches.label.values
-    # Positions are in multiples of the width and height of a text, so that texts of points less
-    # than 1 apart in both coordinates would overlap.
+    # Positions are in units of the text size, so that texts overlap if both distances are below 1.
     x = tuning / (np.ptp(tuning) or 1.0) / TEXT_WIDTH
     positions = np.stack([x, height / np.ptp(axes.get_ylim()) / TEXT_HEIGHT])
     remaining = np.flatnonzero(np.isin(labels, [*SPECIAL_POINTS]))
@@ -143,15 +139,15 @@ def _write_tunings(axes, branches: xr.Dataset):
         text = ", ".join(
             style.format_numbers(np.sort(tuning[group]), digits=4, form="f", decimals=4)
         )
-        # The text stands beside the point whose label has the lowest code.
+        # The text is placed at the point whose label has the lowest code.
         anchor_point = group[labels[group].argmin()]
-        # The neighbours are a few orbits away, because close to a fold the tuning hardly changes.
+        # Neighbours a few orbits away are used, because the tuning hardly changes close to a fold.
         before = tuning[max(anchor_point - POINTS_BESIDE_FOLD, 0)]
         after = tuning[min(anchor_point + POINTS_BESIDE_FOLD, tuning.size - 1)]
         side = int(np.sign(tuning[anchor_point] - before) + np.sign(tuning[anchor_point] - after))
         offset, alignment = (0, 6), "center bottom"
-        # At a fold both neighbours lie at lower tunings (side 2) or both at higher ones (-2). The
-        # text stands on the side without a branch.
+        # At a fold, both neighbours have lower tunings (side 2) or higher tunings (-2). The text is
+        # placed on the side without a branch.
         if side == 2:
             offset, alignment = (6, 0), "left center"
         elif side == -2:
@@ -162,7 +158,7 @@ def _write_tunings(axes, branches: xr.Dataset):
 
 
 _TOP_HEIGHT, _ROW_HEIGHT = 2.1, 1.5
-#: Kind of variation -> label and scale of the x axis.
+#: Varied quantity -> label and scale of the x axis.
 _KINDS = {
     "harmonics": ("stiffness harmonics", "log"),
     "tolerance": ("relative tolerance of a 4(5) pair", "log"),
@@ -171,7 +167,7 @@ _KINDS = {
     "displacement": ("initial displacement (static defl.)", "linear"),
     "velocity": ("initial velocity (static defl./rad)", "linear"),
 }
-#: Shifts below this, in tuning, are drawn on a linear scale.
+#: Shifts of the tuning below this value are drawn on a linear scale.
 MAX_LINEAR_SHIFT = 1e-7
 _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 
@@ -181,11 +177,10 @@ def draw_jump(jumps: xr.Dataset, marked=()):
     """Return a figure of the jump of the motion from rest, and of shifts of this jump.
 
     The upper panel shows the peak-to-peak displacement over the tuning (mesh frequency over natural
-    frequency). `jumps` is a result of `gearlib.studies.jump.compute_jump_and_shifts`: runs that
-    vary one quantity (`kind`) each, the first of which is the unchanged run; `switches` is the
-    number of jumps. The other panels show how far each variation shifts the jump; pale bars are
-    ranges over many initial states. `marked` has up to two tunings to compare with the jump, drawn
-    as dashed lines above and as an orange band in the panels of shifts.
+    frequency). The other panels show how far the jump shifts if one quantity is varied; pale bars
+    are ranges over many initial states. `marked` contains up to two tunings for comparison with the
+    jump, drawn as dashed lines and as an orange band. `jumps` is a result of
+    `gearlib.studies.jump.compute_jump_and_shifts`; its first variation is the unchanged run.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * math.ceil(len(kinds) / 2)
@@ -193,9 +188,9 @@ def draw_jump(jumps: xr.Dataset, marked=()):
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     _draw_scan(figure.add_subplot(grid[0, :]), jumps, marked)
     for i, kind in enumerate(kinds):
-        # All panels of shifts share the y axis of the first one; axes 0 show the scan.
-        first_panel = figure.axes[1] if i else None
-        axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first_panel)
+        # All panels of shifts share the y axis of the first one, which follows the scan.
+        first_shift_axes = figure.axes[1] if i else None
+        axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first_shift_axes)
         variations = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind))
         marked_shifts = np.array(marked) - float(jumps.jump[0])
         label, scale = _KINDS[kind]
@@ -210,7 +205,7 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
     """Draw the peak-to-peak displacement ("height") of the runs from rest over the tuning.
 
     The tuning is the mesh frequency over the natural frequency. The title states the tuning of the
-    jump; dashed lines show the tunings `marked`.
+    jump; dashed lines show the tunings in `marked`.
     """
     # The first variation is the run from rest.
     tuning, jump = jumps.tuning.values, float(jumps.jump[0])
@@ -218,7 +213,7 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
     panels.draw_curves(axes, jumps, "tuning", "height", **options)
     title = "from rest the orbit does not jump in this scan: there is no shift to draw"
     if np.isfinite(jump):
-        title = f"from rest the orbit jumps at $\\nu_s$ = {jump:.7f}"
+        title = f"from rest, the orbit jumps at $\\nu_s$ = {jump:.7f}"
     marked = [nu for nu in marked if tuning[0] <= nu <= tuning[-1]]
     for nu in marked:
         axes.axvline(nu, color=_ORANGE, linewidth=0.6, linestyle="--")
@@ -230,17 +225,17 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
 def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
     """Draw how far the tuning of the jump shifts if one quantity of the run is varied.
 
-    The tuning is the mesh frequency over the natural frequency. `jumps` has the runs that vary this
-    quantity, a point each; `switches` is the number of jumps in the scan of a run. A band spans
-    `marked_shifts`, shifts for comparison. `label`, such as "name (unit)", and `scale`, "linear" or
-    "log", are the label and the scale of the x axis.
+    The tuning is the mesh frequency over the natural frequency. `jumps` contains the variations of
+    this quantity, drawn as points; `switches` is the number of jumps that a variation has. A band
+    spans `marked_shifts`, shifts for comparison. `label` and `scale` ("linear" or "log") belong to
+    the x axis.
     """
     values, shifts = jumps.value.values, jumps["shift"].values
     if marked_shifts.size and np.isfinite(marked_shifts).all():
         band = marked_shifts.min(), marked_shifts.max()
         axes.axhspan(*band, color=_ORANGE, alpha=0.6, linewidth=0.6)
     axes.axhline(0.0, color="black", linewidth=0.6, linestyle=":")
-    # Vertical stems replace a curve, because the shift between the varied values is not known.
+    # Stems are drawn instead of a curve, because the shift between the varied values is unknown.
     axes.vlines(values, 0.0, shifts, color=_BLUE, linewidth=0.6)
     axes.vlines(values, jumps.shift_low, jumps.shift_high, color=_BLUE, linewidth=4.0, alpha=0.3)
     jump_count = jumps.switches.values
@@ -249,7 +244,7 @@ def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str,
         style.draw_markers(axes, values[mask], shifts[mask], marker, _BLUE, size)
     axes.set(xscale=scale, xlabel=label)
     if scale == "log" and values.max() < 10.0 * values.min():
-        # On less than a decade tick labels overlap or read the same.
+        # Over less than a decade, tick labels would overlap or be equal.
         axes.set_xlim(0.1 * values.min(), 10.0 * values.max())
     # The x limits must include values without a jump.
     axes.update_datalim(np.column_stack([values, np.zeros(values.size)]))

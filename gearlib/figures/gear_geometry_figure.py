@@ -1,4 +1,4 @@
-"""Gears given by geometry: mesh stiffness, Harris maps, dynamic factor over the speed."""
+"""Gears given by geometry: mesh stiffness, Harris maps, dynamic factor over speed."""
 
 import math
 
@@ -9,19 +9,19 @@ from matplotlib import colormaps
 from gearlib.figures import panels, style
 from gearlib.figures.plot_curves import WARM_STARTED_STYLES
 
-#: Methods drawn with their uncertainty; the other methods are as uncertain as the energy method.
+#: Methods whose uncertainty is drawn; the other methods are as uncertain as the energy method.
 _METHODS_WITH_UNCERTAINTY = ("iso", "energy")
-#: Marker of the mean by each of the four methods; width for the sources of published means beside
-#: them, in units of the x axis.
-_MEAN_MARKERS, _TEXT_ROOM = "so^D", 3.6
+#: Markers of the means by the four methods; width of the names of published sources, in units of
+#: the x axis.
+_MEAN_MARKERS, _SOURCE_WIDTH = "so^D", 3.6
 
 
 @style.rc_context()
 def draw_mesh_stiffness(stiffness: xr.Dataset):
-    """Return a figure of mesh stiffness over the mesh period, with its mean, for each gear pair.
+    """Return a figure of the mesh stiffness over the mesh period, and its mean, for each gear pair.
 
-    `stiffness` is a result of `gearlib.studies.gear_geometry.mesh_stiffness`, with curves by
-    several methods. Bands show the stated uncertainty of a method, crosses show published means.
+    `stiffness` is a result of `gearlib.studies.gear_geometry.mesh_stiffness`, with one curve for
+    each method. Bands show the uncertainty of a method, crosses show published means.
     """
     data = stiffness.copy()
     for variable in ("mesh_stiffness", "mean_mesh_stiffness", "published_stiffness"):
@@ -38,7 +38,7 @@ def draw_mesh_stiffness(stiffness: xr.Dataset):
         handles = _draw_stiffness(curve_axes, pair, styles)
         _draw_means(mean_axes, pair, styles)
         curve_axes.set_title(pair_name, loc="left")
-        # The upper limit leaves room for markers and error bars.
+        # Increase the upper limit to make room for markers and error bars.
         low, high = curve_axes.get_ylim()
         curve_axes.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
     style.add_legend(figure, handles, columns=4, fontsize=6.5)
@@ -48,7 +48,7 @@ def draw_mesh_stiffness(stiffness: xr.Dataset):
 def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
     """Draw the stiffness of a gear pair over a mesh period by each method; return legend handles.
 
-    `styles` maps each method to options of `Axes.plot`. Two methods also get a band of uncertainty.
+    `styles` maps methods to options of `Axes.plot`. Two methods get a band of uncertainty.
     """
     for method in _METHODS_WITH_UNCERTAINTY:
         curve = pair.sel(stiffness_method=method)
@@ -56,7 +56,7 @@ def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
         high = curve.mesh_stiffness * (1 + curve.method_uncertainty)
         options = {"color": styles[method]["color"], "alpha": 0.12, "linewidth": 0}
         axes.fill_between(curve.stiffness_phase, low, high, **options)
-    curve_options = {"colour": "stiffness_method", "styles": styles}
+    curve_options = {"colour_dim": "stiffness_method", "styles": styles}
     handles = panels.draw_curves(axes, pair, "stiffness_phase", "mesh_stiffness", **curve_options)
     axes.set_xlim(-math.pi, math.pi)
     axes.set_xticks([-math.pi, 0.0, math.pi], ["$-\\pi$", "0", "$\\pi$"])
@@ -66,8 +66,8 @@ def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
 def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
     """Draw the mean stiffness of a gear pair by each of four methods, and published means.
 
-    `styles` maps each method to options of `Axes.plot`. The horizontal axis only separates the
-    values. Two methods get an error bar of their uncertainty.
+    `styles` maps methods to options of `Axes.plot`. Two methods get an error bar. The horizontal
+    positions only separate the values.
     """
     methods = zip(styles.items(), _MEAN_MARKERS, strict=True)
     for x, ((method, options), marker) in enumerate(methods):
@@ -83,7 +83,7 @@ def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
         value = float(published.published_stiffness.sel(published=source))
         axes.plot(x, value, "x", color="black", markersize=4)
         style.annotate(axes, source, (x, value), (4, 0), fontsize=5.5)
-    text_width = _TEXT_ROOM if published.published.size else 0.0
+    text_width = _SOURCE_WIDTH if published.published.size else 0.0
     axes.set(xlim=(-0.8, x + text_width), xlabel="means")
     axes.set_xticks([])
     axes.tick_params(labelleft=False)
@@ -94,10 +94,11 @@ ERROR_LABEL = "static transmission error (µm)"
 
 @style.rc_context()
 def draw_harris_maps(data: xr.Dataset):
-    """Return a figure of Harris maps (transmission error for several loads), one per tip relief.
+    """Return a figure of Harris maps (transmission error at several loads), one per tip relief.
 
-    Panels below show the peak-to-peak error and the effective contact ratio over the load. `data`
-    is a result of `gearlib.studies.gear_geometry.harris_map`; the line of the design load is thick.
+    The line of the design load is thick. Panels below the maps show the peak-to-peak error and the
+    effective contact ratio over the load. `data` is a result of
+    `gearlib.studies.gear_geometry.harris_map`.
     """
     figure = style.page_figure(height=5.2)
     map_area, load_area = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
@@ -113,31 +114,31 @@ def draw_harris_maps(data: xr.Dataset):
     maps[0].set_ylabel(ERROR_LABEL)
     peak_to_peak = panels.convert_unit(data.peak_to_peak_error, 1e-6, "µm")
     curves = data.assign(peak_to_peak_error=peak_to_peak).assign_coords(torque=load)
-    # No teeth are in contact without a load.
+    # Without a load, no teeth are in contact.
     curves["effective_contact_ratio"] = curves.effective_contact_ratio.where(curves.torque > 0.0)
     names = "peak_to_peak_error", "effective_contact_ratio"
     for axes, name in zip(load_area.subplots(1, 2), names, strict=True):
-        options = {"colour": "relief", "marker": "o", "markersize": 3.0}
-        entries = panels.draw_curves(axes, curves, "torque", name, **options)
+        options = {"colour_dim": "relief", "marker": "o", "markersize": 3.0}
+        handles = panels.draw_curves(axes, curves, "torque", name, **options)
         axes.axvline(1.0, color="black", linewidth=0.5, linestyle=(0, (1, 2)))
-    style.add_legend(figure, entries, columns=3)
+    style.add_legend(figure, handles, columns=3)
     return figure
 
 
 def draw_errors(axes, data: xr.Dataset, loads: np.ndarray, design_load=1.0):
-    """Draw the transmission error over two mesh periods, a line for each load.
+    """Draw the transmission error over two mesh periods, with one line for each load.
 
-    `data` has the variable transmission_error (m) over (load, phase in rad). `loads` are the
-    numbers, in any unit, that label the lines; the line of the load `design_load` is thick.
+    `data` contains the variable transmission_error (m) over (load, phase in rad). `loads`, in any
+    unit, are the labels of the lines; the line of `design_load` is thick.
     """
     periods = data.phase.values / (2.0 * math.pi)
-    # The factor leaves out the lightest colours, which are hard to see on white. The bound 1e-9
+    # The factor 0.92 excludes the lightest colours, which are hard to see on white. The lower bound
     # avoids a division by zero if all loads are zero.
     colours = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))
     texts, errors = style.format_numbers(loads), data.transmission_error.values
     for load, text, colour, error in zip(loads, texts, colours, errors, strict=True):
         width = 2.0 if math.isclose(load, design_load) else 0.9
-        # The period begins within double contact, so that only two periods show all of it.
+        # The period begins within double contact; two periods are needed to show it as a whole.
         x = np.concatenate([periods, periods + periods[-1] + periods[1]])
         axes.plot(x, 1e6 * np.tile(error, 2), color=colour, linewidth=width)
         options = {"coords": ("axes fraction", "data"), "fontsize": 5.5}
@@ -153,9 +154,9 @@ _ISO_COLOUR, _OPERATING_COLOUR = "#8C8C8C", "#D55E00"
 def draw_dynamic_factor(curves: xr.Dataset):
     """Return a figure of dynamic factor and transmission error over the speed of the pinion.
 
-    `curves` is a result of `gearlib.studies.teeth_over_speed.sweep_speeds`, for rising and falling
-    speed. Dotted lines with an arrow show the speeds at which the motion jumps, a dashed line the
-    operating speed.
+    Dotted lines with an arrow show the speeds at which the motion jumps, a dashed line the
+    operating speed. `curves` is a result of `gearlib.studies.teeth_over_speed.sweep_speeds`, for
+    rising and falling speed.
     """
     figure = style.page_figure(height=4.6)
     factor_axes, error_axes = figure.subplots(2, 1, sharex=True)

@@ -13,11 +13,11 @@ _MAX_MODES = 16
 
 
 def draw_outline(axes: Axes, outline: xr.Dataset) -> None:
-    """Draw the shafts and gears of a gearbox to scale, seen from the side.
+    """Draw the shafts and gears of a gearbox to scale in a side view.
 
-    `outline` is a result of `Gearbox.outline`: its variable corner_position has the corners of each
-    part, m, its part_stage the name of the gear stage to which a gear belongs, "" for a shaft. Each
-    stage has its colour.
+    `outline` is a result of `Gearbox.outline`. Its variable corner_position contains the corners of
+    each part, m, and part_stage the gear stage to which a gear belongs, or "" for a shaft. Each
+    stage has its own colour.
     """
     stages = [str(stage) for stage in outline.part_stage.values]
     stage_names = dict.fromkeys(stage for stage in stages if stage)
@@ -31,16 +31,16 @@ def draw_outline(axes: Axes, outline: xr.Dataset) -> None:
     axes.set_aspect("equal")
     axes.autoscale_view()
     axes.set(xlabel="along the shafts (mm)", ylabel="across them (mm)")
-    # Gears of a stage have the same label, which the legend shows once.
+    # Gears of a stage have the same label, which must appear only once in the legend.
     handles, labels = axes.get_legend_handles_labels()
-    handle_of = dict(zip(labels, handles, strict=True))
+    handle_by_label = dict(zip(labels, handles, strict=True))
     options = {"fontsize": 6, "loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-    axes.legend(handle_of.values(), handle_of, **options)
+    axes.legend(handle_by_label.values(), handle_by_label, **options)
 
 
 @style.rc_context()
 def draw_view(outline: xr.Dataset):
-    """Return a figure of a gearbox seen from the side, for a result of `Gearbox.outline`."""
+    """Return a figure with the side view of a gearbox, for a result of `Gearbox.outline`."""
     figure = style.page_figure(height=4.0)
     draw_outline(figure.add_subplot(), outline)
     return figure
@@ -50,8 +50,8 @@ def draw_view(outline: xr.Dataset):
 def draw_stages(stages: list[xr.Dataset]):
     """Return a figure of dynamic factor and transmission error over the speed, one row per stage.
 
-    Each of `stages` is a result of `gearlib.studies.gearboxes.sweep_stage` for one pair of
-    gears. Curves differ in the direction in which the speed changes.
+    `stages` are results of `gearlib.studies.gearboxes.sweep_stage`, one for each pair of gears.
+    There is one curve for each direction in which the speed changes.
     """
     figure = style.page_figure(height=1.9 * len(stages) + 0.5)
     grid = figure.subplots(len(stages), 2, squeeze=False)
@@ -77,14 +77,15 @@ def draw_stages(stages: list[xr.Dataset]):
 def draw_modes(box: xr.Dataset):
     """Return a Campbell diagram of a gearbox, above the strain energies of its natural modes.
 
-    A Campbell diagram shows natural and mesh frequencies over the speed. `box` is a result of
-    `gearlib.studies.gearboxes.analyse_gearbox`. Below, each mode has a bar, stacked from the shares
-    of all meshes and, hatched, of all shafts in its strain energy.
+    A Campbell diagram shows natural and mesh frequencies over the speed. In the lower panel, each
+    mode has a bar, stacked from the fractions of its strain energy in all meshes and, hatched, in
+    all shafts. `box` is a result of `gearlib.studies.gearboxes.analyse_gearbox`.
     """
     figure = style.page_figure(height=5.6)
     campbell_axes, energy_axes = figure.subplots(2, 1)
     operating_speed = float(box.get("operating_speed", np.nan))
-    # The speed axis ends beyond the last critical speed, or at 1.5 times the operating speed.
+    # The speed axis ends at 1.5 times the operating speed or, if unknown, after the last critical
+    # speed.
     max_speed = 1.02 * float(box.critical_speed.values.max())
     if np.isfinite(operating_speed):
         max_speed = 1.5 * operating_speed
@@ -112,10 +113,10 @@ def draw_modes(box: xr.Dataset):
 
 
 def draw_run_up(spectrogram: xr.Dataset, frequencies: xr.Dataset):
-    """Return an order map of a run-up (amplitudes over speed and order of the shaft).
+    """Return an order map of a run-up: amplitudes over speed and order of the shaft.
 
     `spectrogram` is a result of `gearlib.studies.gearboxes.compute_run_up_orders`. Lines mark
     `frequencies`, a dataset with variables of `gearlib.characteristic_frequencies`. The dimension
-    of the map is renamed, because `order_map` expects the name "time".
+    "block" is renamed, because `order_map` requires the name "time".
     """
     return orders_figure.order_map(spectrogram.rename(block="time"), frequencies=frequencies)

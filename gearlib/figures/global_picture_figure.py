@@ -7,9 +7,9 @@ from gearlib.colours import MOTIONS, distinct_colours
 from gearlib.figures import panels, style
 
 _KINDS = ("period", "chaotic", "unbounded", "undecided")
-#: Code of periodic attractors in `_KINDS`; codes of chaotic and undecided orbits in sections.
+#: Index of periodic attractors in `_KINDS`; codes of chaotic and undecided orbits in sections.
 _PERIODIC, _CHAOTIC, _UNDECIDED = 0, 1, 2
-#: Colour of the attractors of each kind; None: each periodic attractor has its own colour.
+#: Colour of the attractors of each kind; None means that each attractor has its own colour.
 _KIND_COLOURS = (None, "#000000", "#D9D9D9", "#FFFFFF")
 _MARKERS = "o^sDvP*X<>hp"
 #: Colours of regular orbits in sections, and of chaotic and undecided ones.
@@ -21,7 +21,7 @@ _DIRECTIONS = {
     "down": ("tuning going down", "#D55E00", 1.8),
     "up": ("tuning going up", "#0072B2", 1.8),
 }
-#: Attractor families whose largest share of the initial states is smaller have no legend entry.
+#: Attractor families with a smaller basin fraction have no legend entry.
 MIN_SHARE_IN_LEGEND = 0.04
 #: Half width of the band around a Lyapunov exponent, in standard errors.
 BAND_HALF_WIDTH = 3.0
@@ -30,10 +30,10 @@ _LEGEND_BELOW = {"loc": "upper center", "frameon": False, "columnspacing": 1.0}
 
 
 def attractor_colours(kinds: np.ndarray) -> list[str]:
-    """Return a list of one colour per attractor (motion to which initial states lead).
+    """Return one colour for each attractor, i.e. for each motion to which initial states lead.
 
-    `kinds` has the kind of each attractor as an index in `_KINDS` (periodic 0, chaotic 1 and so
-    on). Each periodic attractor gets its own colour; attractors of any other kind share one.
+    `kinds` contains the kind of each attractor as an index of `_KINDS`: periodic 0, chaotic 1 etc.
+    Each periodic attractor gets its own colour; attractors of any other kind share one.
     """
     periodic_colours = distinct_colours()
     return [_KIND_COLOURS[kind] or next(periodic_colours) for kind in kinds]
@@ -41,15 +41,15 @@ def attractor_colours(kinds: np.ndarray) -> list[str]:
 
 @style.rc_context()
 def draw_basins(data: xr.Dataset):
-    """Return a figure of basins of attraction, a panel for each case.
+    """Return a figure of basins of attraction, with one panel for each case.
 
-    `data` is a result of `gearlib.studies.global_picture.compute_basins`. Each point of a panel is
-    an initial state, in the colour of the motion (attractor) to which it leads. Legends state the
-    period of each attractor and the share of initial states in its basin.
+    Each point of a panel is an initial state, coloured by the motion (attractor) to which it leads.
+    Legends state the period of each attractor and its basin fraction. `data` is a result of
+    `gearlib.studies.global_picture.compute_basins`.
     """
     figure, grid = style.panel_figure(data.sizes["case"], height=3.9)
     for i, axes in enumerate(grid):
-        # Basins have the numbers of their attractors; a case may have fewer than the dimension.
+        # Basins contain the indices of attractors. This case may have fewer than the dataset.
         case = data.isel(case=i, attractor=slice(int(data.basin[i].max()) + 1))
         colours = attractor_colours(case.attractor_kind.values)
         states = case.displacement.values, case.velocity.values
@@ -64,25 +64,25 @@ def draw_basins(data: xr.Dataset):
 
 
 def _mark_attractor(axes, attractor: xr.Dataset, colour: str, marker: str):
-    """Draw markers at the states of an attractor once per mesh period, with a label for the legend.
+    """Draw markers at the stroboscopic states of an attractor, with a label for the legend.
 
     Only periodic attractors have such markers. The label states the period or the kind, and the
-    percentage of the initial states that lead to the attractor, with its standard error.
+    percentage of initial states that lead to the attractor, with its standard error.
     """
     kind, share = int(attractor.attractor_kind), 100.0 * float(attractor.share)
     is_periodic = kind == _PERIODIC
     name = f"period {int(attractor.period)}" if is_periodic else _KINDS[kind]
     label = f"{name}: {share:.1f} ± {100.0 * float(attractor.share_error):.2f} %"
     x, v = attractor.state.values.T if is_periodic else ([], [])
-    edge = "white" if is_periodic else "grey"
-    style.draw_markers(axes, x, v, marker, colour, 5.5, markeredgecolor=edge, label=label)
+    edge_colour = "white" if is_periodic else "grey"
+    style.draw_markers(axes, x, v, marker, colour, 5.5, markeredgecolor=edge_colour, label=label)
 
 
 def _label_plane(axes, prefix=""):
-    """Label the axes of a phase plane, displacement and velocity.
+    """Label the axes of a phase plane.
 
-    `prefix`, such as "initial ", precedes both names. The velocity is labelled only in the first
-    column of panels, which share this axis.
+    `prefix`, e.g. "initial ", precedes both names. The velocity is only labelled in the first
+    column of panels.
     """
     axes.set_xlabel(f"{prefix}displacement (static defl.)")
     if axes.get_subplotspec().is_first_col():
@@ -91,12 +91,12 @@ def _label_plane(axes, prefix=""):
 
 @style.rc_context()
 def draw_sections(data: xr.Dataset):
-    """Return a figure of Poincaré sections (states once per mesh period), a panel for each case.
+    """Return a figure of Poincaré sections (states once per mesh period), with one panel per case.
 
-    `data` is a result of `gearlib.studies.global_picture.compute_poincare_sections`; its variable
-    chaotic has a code for each orbit: 1 for chaotic orbits, drawn in orange, 2 for undecided ones,
-    drawn in grey; regular orbits have other colours. Titles state the mesh phase tau at which the
-    states are recorded.
+    Titles state the mesh phase tau of the section. Chaotic orbits are orange, undecided ones grey;
+    regular orbits have other colours. `data` is a result of
+    `gearlib.studies.global_picture.compute_poincare_sections`; its variable chaotic is 1 for
+    chaotic and 2 for undecided orbits.
     """
     figure, grid = style.panel_figure(data.sizes["case"], height=3.3)
     for i, axes in enumerate(grid):
@@ -105,7 +105,7 @@ def draw_sections(data: xr.Dataset):
         is_undecided = case.chaotic.values == _UNDECIDED
         colours = np.resize(_REGULAR_COLOURS, is_chaotic.size)
         colours[is_chaotic], colours[is_undecided] = _CHAOTIC_COLOUR, _UNDECIDED_COLOUR
-        # Chaotic orbits are drawn first, so that regular orbits among them stay visible.
+        # Chaotic orbits are drawn first, so that they do not hide regular orbits.
         for j in np.argsort(~is_chaotic, kind="stable"):
             states, size = (case.displacement[j], case.velocity[j]), 0.9 if is_chaotic[j] else 1.2
             style.draw_markers(axes, *states, ".", colours[j], size, **_MARKER_OPTIONS)
@@ -121,14 +121,13 @@ def draw_sections(data: xr.Dataset):
 
 @style.rc_context()
 def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
-    """Return a figure of a bifurcation diagram, Lyapunov exponents and shares of attractors.
+    """Return a figure of a bifurcation diagram, Lyapunov exponents and basin fractions.
 
     All are drawn over the tuning (mesh frequency over natural frequency). `diagram` and `shares`
-    are both results of `gearlib.studies.global_picture.compute_bifurcation`. If `branches` of
-    periodic orbits, a result of `gearlib.studies.resonance.compute_branches`, is given, they are
-    also drawn in the diagram. The first word of a direction in `diagram` is "up" or "down" (the
-    tuning increases or decreases) or "cold" (random initial states); several directions may begin
-    with the same word.
+    are the two results of `gearlib.studies.global_picture.compute_bifurcation`. The names of
+    directions in `diagram` begin with "up" or "down" (increasing or decreasing tuning) or "cold"
+    (random initial states). `branches`, if given, are periodic orbits to draw in the diagram, a
+    result of `gearlib.studies.resonance.compute_branches`.
     """
     figure = style.page_figure(height=6.6)
     grid = figure.subplots(3, 1, sharex=True, height_ratios=(2.4, 1.0, 1.4))
@@ -138,17 +137,19 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
             if direction.split()[0] != kind:
                 continue
             motion = diagram.sel(direction=direction)
-            # There are several dots per tuning, one for each recorded mesh period ("strobe").
+            # Each tuning has several dots, one for each recorded mesh period ("strobe").
             points = motion.tuning, motion.displacement.transpose("tuning", "strobe")
             style.draw_markers(diagram_axes, *points, ".", colour, size, **_MARKER_OPTIONS)
             diagram_axes.lines[-1].set_label(label)
             _draw_exponents(exponent_axes, motion, colour, warm_started=kind != "cold")
     if branches is not None:
         _draw_branches(diagram_axes, branches)
-    # Lines may have equal labels, which the legend shows once.
+    # Lines may have the same label, which must appear only once in the legend.
     handles, labels = diagram_axes.get_legend_handles_labels()
-    handle_of = dict(zip(labels, handles, strict=True))
-    diagram_axes.legend(handle_of.values(), handle_of, loc="lower left", markerscale=4.0)
+    handle_by_label = dict(zip(labels, handles, strict=True))
+    diagram_axes.legend(
+        handle_by_label.values(), handle_by_label, loc="lower left", markerscale=4.0
+    )
     diagram_axes.set_ylabel("displacement at $\\tau = 0$\n(static defl.)")
     exponent_axes.axhline(0.0, color="black", linewidth=0.5)
     exponent_axes.set_ylabel(panels.axis_label(diagram.exponent, width=24))
@@ -161,11 +162,11 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
 
 
 def _draw_exponents(axes, motion: xr.Dataset, colour: str, warm_started: bool):
-    """Draw the largest Lyapunov exponents of one direction of a sweep over the tuning, as dots.
+    """Draw the largest Lyapunov exponents of one direction of a sweep over the tuning.
 
-    The tuning is the mesh frequency over the natural frequency. If each run started at the end of
-    the previous one (`warm_started`), tunings at which the motion became periodic (`settled`) have
-    a line instead of dots, and a band shows `BAND_HALF_WIDTH` standard errors of the exponent.
+    The tuning is the mesh frequency over the natural frequency. Exponents are drawn as dots. If
+    each run starts from the final state of the previous one (`warm_started`), periodic motions
+    (`settled`) get a line instead, and a band shows `BAND_HALF_WIDTH` standard errors.
     """
     exponent, error = motion.exponent, BAND_HALF_WIDTH * motion.uncertainty
     has_line = motion.settled.astype(bool) & warm_started
@@ -180,26 +181,25 @@ def _draw_exponents(axes, motion: xr.Dataset, colour: str, warm_started: bool):
 def _draw_branches(axes, branches: xr.Dataset):
     """Draw branches of periodic orbits over the tuning, dashed where the orbits are unstable.
 
-    The tuning is the mesh frequency over the natural frequency. The displacement, entry 0 of
-    `state`, is the one at the start of a mesh period.
+    The tuning is the mesh frequency over the natural frequency. The displacement is the one at the
+    start of a mesh period.
     """
     for _, branch in branches.groupby("branch"):
         stable = branch.stable.values.astype(bool)
         curves = (stable, "continued, stable", "-"), (~stable, "unstable", "--")
         for mask, label, dashes in curves:
-            # The mask is extended by the point after each section, where the next line begins, so
-            # that no gap appears.
+            # Extend the mask by the point after each section to avoid a gap between the lines.
             extended_mask = mask | np.append(False, mask[:-1])
             displacement = branch.state[:, 0].where(extended_mask)
             axes.plot(branch.tuning, displacement, color="black", ls=dashes, lw=0.7, label=label)
 
 
 def _draw_family_shares(axes, shares: xr.Dataset):
-    """Draw over the tuning which share of the initial states leads to which motion, stacked.
+    """Draw the basin fractions of all attractor families over the tuning as stacked areas.
 
-    The tuning is the mesh frequency over the natural frequency. A family is one attractor followed
-    over the tuning. Its label states the peak-to-peak displacement ("height") where its share is
-    largest; families whose share stays below `MIN_SHARE_IN_LEGEND` have no label.
+    The tuning is the mesh frequency over the natural frequency. A family is an attractor traced
+    over the tuning. Its label states the peak-to-peak displacement ("height") where its fraction is
+    largest; families with fractions below `MIN_SHARE_IN_LEGEND` have no label.
     """
     share = shares.share.transpose("attractor_family", ...).fillna(0.0)
     peak_to_peak = shares.displacement_max - shares.displacement_min

@@ -22,23 +22,24 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) ->
     """Draw measured values of the variables `names` over the tuning; return legend handles.
 
     The tuning is the mesh frequency over the natural frequency. `curves` are results of
-    `gearlib.studies.measured.read_response_curve`, one for each measured set. Markers are open
-    if the gain or offset of the sensor is unknown; their shape shows whether the speed rises or
-    falls. Dotted lines show the speeds of jumps. `computed` maps names of the computed curves in
-    the axes to `CurveStyle`s, whose colours are not used again. The axis limits do not change.
+    `gearlib.studies.measured.read_response_curve`, one for each measured set. The marker shape
+    shows whether the speed rises or falls; markers are open if the gain or offset of the sensor is
+    unknown. Dotted lines show the speeds of jumps. `computed` maps the names of computed curves in
+    these axes to `CurveStyle`s, so that other colours are used. The axis limits do not change.
     """
     handles = []
     axis_limits = {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
     colours = distinct_colours(curve.colour for curve in computed.values())
     for curve, colour in zip(curves, colours, strict=False):
-        face = colour
+        face_colour = colour
         measured_names = [name for name in names if name in curve]
         for name in measured_names:
             attrs = curve[name].attrs
-            face = "none" if attrs["unknown_gain"] or attrs["unknown_offset"] else colour
-            # Gain and offset of the sensor are removed.
+            is_uncalibrated = attrs["unknown_gain"] or attrs["unknown_offset"]
+            face_colour = "none" if is_uncalibrated else colour
+            # Correct the values for the fitted gain and offset of the sensor.
             values = (curve[name] - attrs["fitted_offset"]) / attrs["fitted_gain"]
-            options = {"markerfacecolor": face, "markeredgewidth": 0.5, "zorder": 3}
+            options = {"markerfacecolor": face_colour, "markeredgewidth": 0.5, "zorder": 3}
             for sign, marker in _DIRECTION_MARKERS.items():
                 mask = curve.direction.values == sign
                 points = curve.tuning.values[mask], values.values[mask]
@@ -50,18 +51,20 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) ->
             axes.axvline(jump_tuning, color=colour, linestyle=":", linewidth=0.9, zorder=1.6)
         if jumps or measured_names:
             label = f"measured: {curve.title}"
-            handles.append(style.legend_handle(label, colour, ":", "^", markerfacecolor=face))
+            handles.append(
+                style.legend_handle(label, colour, ":", "^", markerfacecolor=face_colour)
+            )
     axes.set(**axis_limits)
     return handles
 
 
 @style.rc_context()
 def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None):
-    """Return a figure of measured and computed time histories, a panel for each.
+    """Return a figure of measured and computed time histories, with one panel for each.
 
-    `courses` are results of `gearlib.studies.measured.compare_time_histories`. Each has time
-    histories (dimension "course") of some measured quantities ("observable"), with samples `point`
-    at the mesh phases `point_phase`. `colours` maps names of damping combinations, for which the
+    `courses` are results of `gearlib.studies.measured.compare_time_histories`. Each contains time
+    histories (dimension "course") of measured quantities ("observable"), with samples `point` at
+    the mesh phases `point_phase`. `colours` maps the names of damping combinations, for which the
     histories were computed, to colours; others get colours of the palette.
     """
     histories = [
@@ -77,7 +80,7 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
         data = panels.phase_to_mesh_periods(panels.phase_to_mesh_periods(history), "point_phase")
         axes = figure.add_subplot(rows, 2, k + 1)
         style.draw_markers(axes, data.point_phase, data.point, ".", _POINT_COLOUR, 2.0, zorder=1)
-        panels.draw_curves(axes, data, "phase", "computed", colour="damping", styles=styles)
+        panels.draw_curves(axes, data, "phase", "computed", colour_dim="damping", styles=styles)
         name = data.observable.item()
         # The attribute is a text such as "displacement in m, dynamic_force in N".
         unit = dict(entry.split(" in ") for entry in data.course_units.split(", "))[name]
@@ -89,13 +92,12 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
 
 @style.rc_context()
 def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = None):
-    """Return a figure of measured and computed amplitudes of mesh orders, one panel for each order.
+    """Return a figure of measured and computed amplitudes of mesh orders, one column per order.
 
-    `orders` are results of `gearlib.studies.measured.compare_run_ups`: amplitudes over run-ups
-    ("track"), measured quantities ("observable") and the orders z, 2z, ... of a gear with z teeth,
-    which are the columns of the figure. `colours` maps names of damping combinations to colours.
-    Levels are in dB relative to the largest amplitude, so that they do not depend on the sensor
-    gain.
+    `orders` are results of `gearlib.studies.measured.compare_run_ups`: amplitudes of run-ups
+    ("track") and measured quantities ("observable") at the orders z, 2z, ... of a gear with z
+    teeth. `colours` maps names of damping combinations to colours. Levels are in dB relative to the
+    largest amplitude, so that they do not depend on the sensor gain.
     """
     row_data = [
         data.isel(track=i, observable=j)
@@ -103,8 +105,8 @@ def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = No
         for i, j in np.ndindex(data.sizes["track"], data.sizes["observable"])
     ]
     figure = style.page_figure(_ORDER_HEIGHT * max(1, len(row_data)) + _LEGEND_HEIGHT)
-    shared = {"squeeze": False, "sharex": "row", "sharey": "row"}
-    grid = figure.subplots(max(1, len(row_data)), orders[0].sizes["order"], **shared)
+    grid_options = {"squeeze": False, "sharex": "row", "sharey": "row"}
+    grid = figure.subplots(max(1, len(row_data)), orders[0].sizes["order"], **grid_options)
     styles = panels.plot_options(orders[0].damping, colours)
     for grid_row, data in zip(grid, row_data, strict=False):
         data["level"] = _to_decibels(data.amplitude, data.amplitude.max())
@@ -113,7 +115,7 @@ def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = No
         for k, axes in enumerate(grid_row):
             order = data.isel(order=k)
             style.draw_markers(axes, order.speed, order.level, ".", _POINT_COLOUR, 2.5, zorder=1)
-            curve_options = {"colour": "damping", "styles": styles}
+            curve_options = {"colour_dim": "damping", "styles": styles}
             panels.draw_curves(axes, order, "speed", "computed_level", **curve_options)
             axes.set_title(f"order {'' if k == 0 else k + 1}z")
             axes.set_ylabel(f"{data.title}\n{data.observable.item().replace('_', ' ')} (dB)")
@@ -123,14 +125,14 @@ def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = No
 
 
 def _to_decibels(amplitude: xr.DataArray, reference: xr.DataArray):
-    """Return amplitudes in dB relative to a reference amplitude; zero amplitudes give NaN."""
+    """Convert amplitudes to dB relative to a reference amplitude; zero amplitudes become NaN."""
     ratio = (amplitude / reference).where(amplitude > 0.0)
     return 20.0 * np.log10(ratio)
 
 
 _MEASURED_COLOUR, _FITTED_COLOUR = "#8C8C8C", style.PALETTE[0]
 _ROW_HEIGHT = 2.0
-#: Half width of a 95 % interval in standard deviations.
+#: Half width of a 95 % confidence interval, in standard deviations.
 _HALF_INTERVAL = 1.96
 
 
@@ -148,9 +150,9 @@ def fit(found, *, figure: Figure | None = None):
     Returns
     -------
     matplotlib.figure.Figure
-        Figure with axes for each curve: measured values are dots, fitted values a line, which is
-        dotted where the speed falls. The last axes show the speeds of jumps and of the onset of
-        contact loss.
+        Figure with one panel for each curve: measured values are dots, fitted values a line, which
+        is dotted where the speed falls. The last panel shows the speeds of jumps and of the onset
+        of contact loss.
 
     Raises
     ------
@@ -160,8 +162,8 @@ def fit(found, *, figure: Figure | None = None):
     # Only results of `gearlib.fit` have a reduced chi-square.
     if not hasattr(found, "redchi"):
         raise ValueError("found is not allowed: it must be a result of gearlib.fit")
-    # Curves over speed or phase have abscissae x. The others are single measured speeds: of jumps
-    # and of the onset of contact loss.
+    # Curves over speed or phase have the attribute x. The others are single measured speeds, of
+    # jumps and of the onset of contact loss.
     curves = [curve for curve in found.curves() if hasattr(curve, "x")]
     speeds = [speed for speed in found.curves() if not hasattr(speed, "x")]
     panel_count = len(curves) + (1 if speeds else 0)
@@ -182,7 +184,7 @@ def fit(found, *, figure: Figure | None = None):
 def _draw_curve(axes, curve):
     """Draw a measured curve as dots and the fitted curve as a line, dotted where the speed falls.
 
-    `curve` is one of the curves over speed or phase that `Fit.curves` returns.
+    `curve` is one of the curves over speed or phase returned by `Fit.curves`.
     """
     measured, fitted = curve.values
     unit_size, unit = style.readable_unit(curve.units, measured)
@@ -199,9 +201,9 @@ def _draw_curve(axes, curve):
 
 
 def _draw_speeds(axes, speeds: list):
-    """Draw fitted minus measured speeds, with 95 % intervals of the measured speeds.
+    """Draw fitted minus measured speeds, with 95 % confidence intervals of the measured speeds.
 
-    `speeds` are the speeds of jumps and of the onset of contact loss that `Fit.curves` returns, in
+    `speeds` are the speeds of jumps and of the onset of contact loss returned by `Fit.curves`, in
     rpm; `deviation` is the standard deviation of a measured speed.
     """
     positions = np.arange(len(speeds))
@@ -212,4 +214,4 @@ def _draw_speeds(axes, speeds: list):
     options = {"label": "fitted", "mfc": "none"}
     style.draw_markers(axes, positions, differences, "o", _FITTED_COLOUR, 4, **options)
     axes.set_xticks(positions, [f"{speed.name}\n{speed.measured:.6g}" for speed in speeds])
-    axes.set(xlim=(-0.5, len(speeds) - 0.5), ylabel="fitted less measured (rpm)")
+    axes.set(xlim=(-0.5, len(speeds) - 0.5), ylabel="fitted minus measured (rpm)")

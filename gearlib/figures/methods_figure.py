@@ -1,9 +1,9 @@
-"""Comparison of methods: work and precision, verdicts on difficult problems, numerical stability.
+"""Comparison of methods: work-precision diagrams, difficult problems, numerical stability.
 
-Figures of work and precision have a panel for each problem. Colour and line style show the family
-of a method, the marker the method itself. Grey areas are out of reach: errors below the rounding
-error of the reference (for a multiplier, divided by the width of its finite differences), and times
-shorter than one evaluation of the closed-form solution, which holds while the contact lasts.
+Work-precision diagrams have one panel for each problem. Colour and line style show the family of a
+method, the marker shows the method. Grey areas are unattainable: errors below the rounding error of
+the reference (for a multiplier, divided by the step of its finite differences), and times shorter
+than one evaluation of the closed-form solution between two events.
 """
 
 import math
@@ -39,7 +39,7 @@ _FAMILIES = {
     "other": ("other packages", "#4D4D4D", (0, (3, 1))),
 }
 _MARKERS = "osD^vPX<>hp"
-#: Positions at which zeros are drawn on logarithmic axes, relative to the lower limit of the axis.
+#: Positions of zeros on logarithmic axes, relative to the lower axis limit.
 _ZERO_COST_POSITION, _ZERO_ERROR_POSITION = 1.4, 1.5
 _LINE_OPTIONS = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5}
 _LINE_OPTIONS["markeredgecolor"] = "white"
@@ -47,14 +47,14 @@ _LINE_OPTIONS["markeredgecolor"] = "white"
 
 @style.rc_context()
 def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> dict[str, Figure]:
-    """Return figures of the errors of methods of integration over their cost, in a dict by name.
+    """Return work-precision diagrams of integration methods as a dict: name -> figure.
 
-    `errors` and `times` are results of the functions of the same name in
-    `gearlib.studies.trials.work_precision`, one for each method. "work_precision_evaluations" and
-    "work_precision_time" show errors of the final state over evaluations of the right-hand side and
-    over wall time, "work_precision_measures" errors of event phases and Floquet multipliers.
-    Methods that never evaluate the right-hand side are at the left edge. Grey areas are out of
-    reach: errors below rounding, and times shorter than one evaluation of the closed-form solution.
+    "work_precision_evaluations" and "work_precision_time" show errors of the final state over the
+    number of evaluations of the right-hand side and over wall time; "work_precision_measures" shows
+    errors of event phases and Floquet multipliers. Methods that never evaluate the right-hand side
+    are at the left edge. Grey areas are unattainable: errors below rounding, and times shorter than
+    one evaluation of the closed-form solution. `errors` and `times` contain, for each method, a
+    result of the functions with these names in `gearlib.studies.trials.work_precision`.
     """
     data = _concatenate_methods(errors).assign(period_time=_concatenate_methods(times).period_time)
     states = _problems_with_errors(data, "state")
@@ -65,7 +65,7 @@ def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> di
         "measures": _draw_panels(data, evaluations, measures, "rounding"),
         "time": _draw_panels(data, "period_time", states, "rounding; less than one closed form"),
     }
-    # The shortest of the measured times is the one least disturbed by other processes.
+    # The shortest measured time is the one least disturbed by other processes.
     closed_form_time = min(float(method.closed_form_time) for method in times)
     for axes in figures["time"].axes:
         axes.set_xlim(left=0.3 * closed_form_time)
@@ -74,34 +74,34 @@ def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> di
 
 
 def _concatenate_methods(datasets: list[xr.Dataset]) -> xr.Dataset:
-    """Join the datasets of all methods along the dimension "rung".
+    """Concatenate the datasets of all methods along the dimension "rung".
 
-    Each entry of this dimension is a method with one setting of its accuracy, such as a tolerance.
+    Each entry of this dimension is a method with one value of its accuracy parameter, e.g. a
+    tolerance.
     """
     return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
 
 
 def _problems_with_errors(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
-    """Return a list of pairs (problem, kind) for all problems whose errors are known.
+    """Return the pairs (problem, kind) of all problems for which `data` contains errors.
 
-    `kind` is "state", "event" or "multiplier": the quantity of which `data` has errors.
+    `kind` is the kind of error: "state", "event" or "multiplier".
     """
     has_errors = data[f"{kind}_error"].notnull().any("rung")
     return [(problem, kind) for problem in data.problem.values[has_errors.values]]
 
 
 def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_label: str):
-    """Return a figure of the errors of methods over their cost, with a panel for each problem.
+    """Return a figure of the errors of methods over their cost, with one panel for each problem.
 
-    Each entry of `panel_errors` is a pair (problem, kind of error) for a panel. `data` has all
-    methods; `cost` is the name of its variable on the horizontal axes: evaluations of the
-    right-hand side, or wall time. `grey_label` is the legend label of the grey areas, which mark
-    errors below rounding. Colour and dashes show the family of a method.
+    `data` contains all methods, and `cost` is its variable on the horizontal axes: evaluations of
+    the right-hand side, or wall time. `panel_errors` has a pair (problem, kind of error) for each
+    panel. `grey_label` is the legend label of the grey areas, which mark errors below rounding.
     """
     rows = math.ceil(len(panel_errors) / 2)
     figure = style.page_figure(_LEGEND_HEIGHT + _PANEL_HEIGHT * rows)
     styles = _line_styles(data)
-    edge = "\n(left edge: none)" if cost == "period_evaluations" else ""
+    edge_note = "\n(left edge: none)" if cost == "period_evaluations" else ""
     for i, (problem, kind) in enumerate(panel_errors):
         axes = figure.add_subplot(rows, 2, i + 1)
         error, rounding_error = data[f"{kind}_error"], data[f"{kind}_floor"]
@@ -111,9 +111,9 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
         if i % 2 == 0 or panel_errors[i - 1][1] != kind:
             axes.set_ylabel(panels.axis_label(error, width=30))
         if i >= len(panel_errors) - 2:
-            axes.set_xlabel(panels.axis_label(data[cost]) + edge)
+            axes.set_xlabel(panels.axis_label(data[cost]) + edge_note)
         _draw_errors(axes, data.sel(problem=problem), cost, kind, styles)
-    # The legend has an entry for each method, each family and the grey areas.
+    # The legend lists all methods, all families and the grey areas.
     families = [_FAMILIES[name] for name in _FAMILIES if name in data.family]
     handles = panels.legend_handles(styles) + [style.legend_handle(*family) for family in families]
     style.add_legend(
@@ -125,9 +125,8 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
 def _line_styles(data: xr.Dataset) -> dict[str, dict]:
     """Return a dict: method -> options of `Axes.plot`, sorted by families of methods.
 
-    Methods of a family, such as those with fixed steps, have the same colour and dashes, and
-    different markers. The variable `line` of `data` has the method of each entry, `family` its
-    family.
+    Methods of the same family, e.g. those with fixed steps, have the same colour and line style but
+    different markers. `data` has the variables "line" (method) and "family".
     """
     families = dict(zip(data.line.values, data.family.values, strict=True))
     methods = sorted(families, key=lambda method: list(_FAMILIES).index(families[method]))
@@ -139,9 +138,9 @@ def _line_styles(data: xr.Dataset) -> dict[str, dict]:
 
 
 def _log_limits(*arrays: xr.DataArray, factor: float) -> tuple[float, float]:
-    """Return limits of a logarithmic axis that leave room beyond all positive values of the arrays.
+    """Return limits of a logarithmic axis for all positive values of the arrays, with a margin.
 
-    They are `factor` times the smallest and 2.5 times the largest positive value.
+    The limits are `factor` times the smallest and 2.5 times the largest positive value.
     """
     values = np.concatenate([array.values.ravel() for array in arrays])
     positive = values[values > 0.0]
@@ -149,12 +148,12 @@ def _log_limits(*arrays: xr.DataArray, factor: float) -> tuple[float, float]:
 
 
 def _draw_errors(axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str, dict]):
-    """Draw the errors of all methods in one problem over the variable `cost`.
+    """Draw the errors of all methods for one problem over the variable `cost`.
 
-    `kind` is the kind of error: "state", "event" or "multiplier". The logarithmic axes cannot show
-    zeros, which are drawn near the lower limits; these must be set before. A grey area covers
-    errors below the rounding error of the reference solution (suffix "_floor"). `styles` maps
-    methods to plot options; the variable `line` of `data` has the method of each entry.
+    `kind` is the kind of error: "state", "event" or "multiplier". `styles` maps methods to options
+    of `Axes.plot`; the variable `line` of `data` is the method of each entry. The axis limits must
+    be set, because zeros are drawn near the lower limits of the logarithmic axes. A grey area
+    covers errors below the rounding error of the reference (suffix "_floor").
     """
     left, bottom = axes.get_xlim()[0], axes.get_ylim()[0]
     costs, errors = data[cost], data[f"{kind}_error"]
@@ -182,12 +181,12 @@ _VERDICT_STYLES = {
 
 @style.rc_context()
 def draw_failures(matrix: xr.Dataset):
-    """Return a table of verdicts on methods of integration, a row for each problem.
+    """Return a figure with a table of verdicts on integration methods for difficult problems.
 
-    Columns are methods, the dimension "trial" of `matrix`, a result of
-    `gearlib.data.gathering.gather_failures`. Its variable `words` describes the problems; `error`
-    is written below the letter of the verdict, such as "d: diverged". A star marks a run over fewer
-    mesh periods than other runs of its row.
+    `matrix` is a result of `gearlib.data.gathering.gather_failures`. Rows are problems, described
+    by the variable `words`, and columns are methods. Each cell contains the letter of the verdict,
+    e.g. "d" for "diverged", and the error. An asterisk marks runs over fewer mesh periods than
+    other runs in the same row.
     """
     verdict_names = matrix.verdict.attrs["flag_meanings"].split()
     verdict_styles = [_VERDICT_STYLES[name] for name in verdict_names]
@@ -196,11 +195,11 @@ def draw_failures(matrix: xr.Dataset):
     rows, columns = matrix.verdict.shape
     figure = style.page_figure(_MARGINS + _ROW_HEIGHT * rows)
     axes = figure.subplots()
-    codes = matrix.verdict.values
+    verdicts = matrix.verdict.values
     colours = [colour for _, colour, _ in verdict_styles]
-    style.draw_category_map(axes, range(columns), range(rows), codes, colours)
+    style.draw_category_map(axes, range(columns), range(rows), verdicts, colours)
     for i, j in np.ndindex(rows, columns):
-        letter, _, _ = verdict_styles[codes[i, j]]
+        letter, _, _ = verdict_styles[verdicts[i, j]]
         if is_shortened[i, j]:
             letter += "*"
         options = {"anchor": "center center", "fontsize": 6}
@@ -209,15 +208,15 @@ def draw_failures(matrix: xr.Dataset):
     axes.set_xticks(range(columns), matrix.trial.values, rotation=60, ha="left", fontsize=7)
     axes.xaxis.tick_top()
     axes.set_yticks(range(rows), matrix.words.values, fontsize=7)
-    # Minor ticks at the edges of cells carry the white lines between them.
+    # Minor ticks at the cell edges are needed for the white grid lines between the cells.
     axes.set_xticks(np.arange(columns + 1) - 0.5, minor=True)
     axes.set_yticks(np.arange(rows + 1) - 0.5, minor=True)
     axes.grid(which="minor", color="white", linewidth=0.8)
     axes.tick_params(which="both", length=0)
     axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
-    edge = {"edgecolor": "#4D4D4D", "linewidth": 0.4}
+    edge_options = {"edgecolor": "#4D4D4D", "linewidth": 0.4}
     patches = [
-        Patch(facecolor=colour, label=f"{letter}: {label}", **edge)
+        Patch(facecolor=colour, label=f"{letter}: {label}", **edge_options)
         for letter, colour, label in verdict_styles
     ]
     if is_shortened.any():
@@ -227,7 +226,7 @@ def draw_failures(matrix: xr.Dataset):
 
 
 def _format_error(error: float) -> str:
-    """Return an error as short text: "3e-5", "7" for a small integer, "" if not finite."""
+    """Format an error briefly: "3e-5", "7" for a small integer, "" if it is not finite."""
     if not np.isfinite(error):
         return ""
     if error < 10.0 and error == round(error):
@@ -235,14 +234,14 @@ def _format_error(error: float) -> str:
     return re.sub(r"e\+?(-?)0*(\d)", r"e\1\2", f"{error:.0e}")
 
 
-#: Heights of a map, of the panel below the maps, and of this panel with the legend, inches.
+#: Height of a map, of the panel below the maps, and of this panel with the legend, inches.
 _MAP_HEIGHT, _RADIUS_HEIGHT, _LOWER_HEIGHT = 2.3, 1.4, 2.2
-#: A spectral radius counts as right if it differs from the exact one by at most this.
+#: Tolerance within which a spectral radius is considered correct.
 RADIUS_TOLERANCE = 0.01
 #: Stability limit of the classical Runge-Kutta method on the imaginary axis.
 _RK4_LIMIT = 2.0 * np.sqrt(2.0)
 
-#: Text and colour of each verdict, in the order of the codes below.
+#: Text and colour of each verdict, in the order of the indices below.
 VERDICTS = (
     ("invents motion", "#D55E00"),
     ("grows too fast", "#E69F00"),
@@ -250,22 +249,21 @@ VERDICTS = (
     ("damps falsely", "#56B4E9"),
     ("hides the instability", "#0072B2"),
 )
-#: Codes of the verdicts; unstable motion of a stable system is spurious.
+#: Indices of `VERDICTS`.
 _SPURIOUS_INSTABILITY, _EXCESS_GROWTH, _RIGHT, _EXCESS_DAMPING, _MISSED_INSTABILITY = range(5)
 
 
 def classify_stability(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
-    """Return a verdict on the stability that a method computes, for each step count and tuning.
+    """Compare the stability computed by a method with the true stability; return verdicts.
 
-    A verdict is an index in `VERDICTS`, such as 0 for "invents motion". `radius`, of shape (step
-    counts, tunings), is the spectral radius of the motion over a mesh period by the method;
-    `true_radius`, of shape (tunings,), is the exact one. A tuning is the mesh frequency over the
-    natural frequency. Motion is unstable if its spectral radius (largest multiplier in magnitude)
-    is above 1. The verdicts have the shape of `radius`.
+    `radius`, of shape (step counts, tunings), is the spectral radius (largest magnitude of the
+    Floquet multipliers) over a mesh period computed by the method, and `true_radius`, of shape
+    (tunings,), is the exact one; motions are unstable if it exceeds 1. The verdicts, of the shape
+    of `radius`, are indices of `VERDICTS`.
     """
     is_stable = true_radius <= 1.0 + 1e-9
     is_too_large = radius > true_radius + RADIUS_TOLERANCE
-    # The first condition that holds decides; without one the verdict is "right".
+    # The first condition that is true determines the verdict.
     conditions = {
         _MISSED_INSTABILITY: (radius <= 1.0) & (true_radius > 1.0 + RADIUS_TOLERANCE),
         _EXCESS_DAMPING: radius < true_radius - RADIUS_TOLERANCE,
@@ -277,12 +275,13 @@ def classify_stability(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarra
 
 @style.rc_context()
 def draw_stability(chart: xr.Dataset):
-    """Return a figure with a map of verdicts on the stability that each method computes.
+    """Return a figure with a map of numerical stability for each method.
 
-    `chart` is a result of `gearlib.studies.trials.stability_of_methods.compute_spectral_radii`. The
-    maps are over the tuning (mesh frequency over natural frequency) and the steps per mesh period;
-    the panel below shows the exact spectral radius (growth of a perturbation per mesh period). The
-    dashed line is the stability limit of the classical Runge-Kutta method at the maximum stiffness.
+    The maps compare computed with true stability, over the tuning (mesh frequency over natural
+    frequency) and the number of steps per mesh period. The panel below shows the exact spectral
+    radius (growth of perturbations per mesh period). The dashed line is the stability limit of the
+    classical Runge-Kutta method at the maximum stiffness. `chart` is a result of
+    `gearlib.studies.trials.stability_of_methods.compute_spectral_radii`.
     """
     rows = math.ceil(chart.sizes["method"] / 2)
     figure = style.page_figure(_MAP_HEIGHT * rows + _LOWER_HEIGHT)
@@ -291,13 +290,13 @@ def draw_stability(chart: xr.Dataset):
     true_radius = np.interp(tuning, chart.fine_tuning, chart.true_radius)
     for i, name in enumerate(chart.method.values):
         axes = figure.add_subplot(grid[i // 2, i % 2])
-        codes = classify_stability(chart.radius.values[i], true_radius)
-        style.draw_category_map(axes, tuning, steps, codes, [colour for _, colour in VERDICTS])
+        verdicts = classify_stability(chart.radius.values[i], true_radius)
+        style.draw_category_map(axes, tuning, steps, verdicts, [colour for _, colour in VERDICTS])
         axes.set(yscale="log", title=name)
         axes.set_ylabel(panels.axis_label(chart.steps) if i % 2 == 0 else "")
         # Only the classical Runge-Kutta method and its variants have this limit.
         if name.startswith("rk4"):
-            # Steps are stable if frequency times step length is below `_RK4_LIMIT`.
+            # The method is stable if frequency times step size is below `_RK4_LIMIT`.
             min_steps = 2.0 * np.pi * np.sqrt(float(chart.stiffness_max)) / tuning / _RK4_LIMIT
             min_steps[(min_steps < steps[0]) | (min_steps > steps[-1])] = np.nan
             axes.plot(tuning, min_steps, color="black", linestyle="--", linewidth=0.8)

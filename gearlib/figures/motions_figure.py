@@ -1,7 +1,7 @@
-"""Motions in the paper's figures: phase planes (Fig. 5), and scenes (Fig. 4, 6, 7, 8).
+"""Motions in the paper's figures: phase planes (Fig. 5), and scenes (Figs. 4, 6, 7, 8).
 
-A scene has phase planes and time histories of a few runs, and a comparison of models: changes by a
-larger model, tolerance and cost.
+A scene contains phase planes and time histories of a few runs. Its model is chosen by a comparison
+of models.
 """
 
 import re
@@ -14,9 +14,9 @@ from gearlib.data.motions import describe_steadiness, true_intervals
 from gearlib.figures import panels, style
 
 _CELL_HEIGHT, _TITLES_HEIGHT = 1.25, 0.7
-#: Number of characters of the titles that fit beside each other.
+#: Largest total number of characters of the titles in a row.
 _TITLE_CHARACTERS = 120
-#: Periods of an orbit count as equal if they differ by less than this fraction of its width.
+#: Periods of an orbit are considered equal within this fraction of the displacement range.
 SAME_ORBIT_TOLERANCE = 5e-3
 
 
@@ -24,9 +24,9 @@ SAME_ORBIT_TOLERANCE = 5e-3
 def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
     """Return a figure of phase planes (velocity over displacement) for each damping and tuning.
 
-    `phase_planes` is a dataset over (damping, tuning, phase), with the tuning (mesh frequency over
-    natural frequency) in rows. `colours` maps names of damping combinations to colours. Titles say
-    whether the motion is periodic; other motions have thinner lines.
+    `phase_planes` is a dataset over (damping, tuning, phase); each tuning (mesh frequency over
+    natural frequency) is one row. `colours` maps names of damping combinations to colours. Titles
+    state whether the motion is periodic; other motions have thinner lines.
     """
     tunings = phase_planes.tuning.values
     curve_styles = style.curve_styles([str(name) for name in phase_planes.damping.values], colours)
@@ -58,8 +58,8 @@ def draw_plane(axes, run: xr.Dataset, **options):
     """
     displacement, velocity = closed_orbit(run)
     axes.set(xlim=style.axis_limits(displacement, 0.0), ylim=style.axis_limits(velocity, 0.0))
-    # With moving bearings the displacement at which the coast-side flanks touch varies, so all
-    # displacements below 0 are shaded alike, as with infinite backlash.
+    # With moving bearings, the displacement at which the coast-side flanks touch varies. Therefore
+    # all displacements below 0 are shaded equally, as for infinite backlash.
     backlash = np.inf if "coast_line" in run else float(run.backlash_ratio)
     style.shade_lost_contact(axes, backlash, "x")
     axes.plot(displacement, velocity, **options)
@@ -68,15 +68,15 @@ def draw_plane(axes, run: xr.Dataset, **options):
 def closed_orbit(run: xr.Dataset) -> np.ndarray:
     """Return displacement and velocity of a run, shape (2, samples), as a closed curve if periodic.
 
-    `run.period` is the period in mesh periods, 0 if the motion is not periodic. The closed curve is
-    the whole record if it consists of whole periods, else its last period.
+    `run.period` is the period in mesh periods, or 0 if the motion is not periodic. The closed curve
+    is the whole record if it consists of whole periods, otherwise the last period.
     """
     states = np.array([run.displacement.values, run.velocity.values])
     samples_per_mesh_period = round(2.0 * np.pi / np.diff(run.phase)[0])
     sample_count, period = states.shape[1], int(run.period) * samples_per_mesh_period
     if not 0 < period <= sample_count:
         return states
-    # The record counts as periodic if no change from one period to the next is visible.
+    # The record is considered periodic if changes between successive periods are invisible.
     changes = np.abs(states[0, period:] - states[0, :-period])[-period:]
     if changes.max(initial=0.0) > SAME_ORBIT_TOLERANCE * np.ptp(states[0]):
         return states
@@ -87,7 +87,7 @@ def closed_orbit(run: xr.Dataset) -> np.ndarray:
 
 
 def _describe_steadiness(run: xr.Dataset) -> str:
-    """Return a description such as "steady, 1 mesh period" of a run, "no result" if it failed."""
+    """Describe the steadiness of a run, e.g. "steady, 1 mesh period"; "no result" if it failed."""
     return describe_steadiness(run) if np.isfinite(run.displacement).all() else "no result"
 
 
@@ -102,11 +102,11 @@ _MIN_STIFFNESS_COLOUR = "#D55E00"
 
 @style.rc_context()
 def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
-    """Return a figure of phase planes above time histories, with a column for each run.
+    """Return a figure of phase planes above time histories, with one column for each run.
 
     `scene` is a result of `gearlib.studies.scenes`: a few runs of one figure of the paper, along
-    the dimension "case". `courses` names the variables to draw as time histories, one row each,
-    over the last `periods_shown` mesh periods of the record.
+    the dimension "case". `courses` are the variables to draw as time histories, one row each, over
+    the last `periods_shown` mesh periods of the record.
     """
     samples = periods_shown * round(2.0 * np.pi / float(scene.phase[1] - scene.phase[0]))
     shown = scene.isel(phase=slice(scene.sizes["phase"] - samples, None))
@@ -118,7 +118,7 @@ def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
     for column, title in zip(grid.T, map(str, shown.case.values), strict=True):
         run = shown.sel(case=title)
         draw_plane(column[0], run, color=style.PALETTE[0], linewidth=0.8)
-        # The list of texts has one entry for the one tuning of the run.
+        # The run has a single tuning.
         (tuning,) = panels.format_tunings(run.tuning, run.get("speed"))
         stated_tuning = re.search(r"(?:tuning|nu|ν)\s*=?\s*(\d+(?:\.\d+)?)", title)
         # The tuning is added to titles that do not state it.
@@ -129,21 +129,18 @@ def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
         for axes, name in zip(column[1:], courses, strict=True):
             _draw_time_history(axes, panels.phase_to_mesh_periods(run), name)
             axes.label_outer()
-    label, axis_limits = (
-        panels.axis_label(scene.velocity, width=30),
-        style.axis_limits(shown.velocity),
-    )
-    grid[0, 0].set(ylabel=label, ylim=axis_limits)
+    grid[0, 0].set_ylabel(panels.axis_label(scene.velocity, width=30))
+    grid[0, 0].set_ylim(style.axis_limits(shown.velocity))
     figure.supxlabel(f"model: {_MODELS[scene.model.item()]}", fontsize=6, x=0.99, ha="right")
     return figure
 
 
 def _draw_time_history(axes, run: xr.Dataset, name: str):
-    """Draw the variable `name` of a run over the mesh periods, with contact loss shaded.
+    """Draw the variable `name` of a run over the mesh periods, and shade contact loss.
 
-    The modified stiffness (mesh stiffness, but 0 without contact) also gets a bar at the upper
-    edge, which marks the times in contact at the minimum stiffness C_min. Stiffness is relative to
-    its mean, so that it is below 1 at these times.
+    For the modified stiffness (mesh stiffness, but 0 without contact), a bar at the upper edge
+    marks the times in contact at the minimum stiffness C_min. These are the times with a stiffness
+    below 1, because stiffness is relative to its mean.
     """
     draw_style = "steps-post" if name.endswith("stiffness") else "default"
     panels.draw_curves(axes, run, "phase", name, linewidth=0.9, drawstyle=draw_style)
@@ -162,9 +159,10 @@ def _draw_time_history(axes, run: xr.Dataset, name: str):
 
 
 def shade_contact(axes, periods: np.ndarray, contact: np.ndarray):
-    """Shade the times of contact loss (code 0) and of coast-side contact (code -1).
+    """Shade the times without contact and with coast-side contact.
 
-    `periods` are equidistant times in mesh periods; `contact` has the code of the contact at each.
+    `periods` are equidistant times in mesh periods, and `contact` is the contact state at each: 1
+    (drive side), 0 (no contact) or -1 (coast side).
     """
     for code, area in ((0, "no contact"), (-1, "coast-side contact")):
         _shade_times(axes, periods, contact == code, style.AREA_COLOURS[area])
@@ -173,7 +171,7 @@ def shade_contact(axes, periods: np.ndarray, contact: np.ndarray):
 def _shade_times(axes, periods: np.ndarray, mask: np.ndarray, colour: str, bottom=0.0):
     """Shade the intervals of the equidistant times `periods` in which `mask` is true.
 
-    The shade extends from `bottom`, a fraction of the height of the axes, to their upper edge.
+    The shade extends from `bottom`, a fraction of the height of the axes, to the upper edge.
     """
     step = periods[1] - periods[0]
     options = {"color": colour, "linewidth": 0, "zorder": 0}
@@ -188,8 +186,8 @@ _MODEL_LABELS = {
     "six_degrees": "6 degrees, run-out, friction",
     "pair_harmonics": "1 degree, {} harmonics",
 }
-#: Smallest and largest change in the panels; changes beyond them are drawn at the edges.
-_LIMITS = (1e-6, 100.0)
+#: Limits of the changes in the panels; smaller and larger changes are drawn at the edges.
+_CHANGE_LIMITS = (1e-6, 100.0)
 _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 _LABEL = """largest change of an observable (dashed: tolerance of the scene);
 extrema: share of the height of the orbit, or of the force; fractions and bounces: 1
@@ -198,11 +196,11 @@ cost: components of the state advanced per mesh period"""
 
 @style.rc_context()
 def draw_models(comparisons: list[xr.Dataset], scenes: list[str]):
-    """Return a figure of model errors: how much results change if a larger model is used.
+    """Return a figure of model errors: how much results change with a more detailed model.
 
-    `comparisons` are results of `gearlib.studies.scenes.compare_models`, one for each set of runs
-    ("scene"); `scenes` are the names of these sets. Each has a panel with a bar for each model: the
-    largest change of an observable, such as the largest displacement. The bar of the chosen model
+    `comparisons` are results of `gearlib.studies.scenes.compare_models`, one for each scene (set of
+    runs); `scenes` are the names of the scenes. Each scene has a panel with a bar for each model:
+    the largest change of an observable, e.g. the largest displacement. The bar of the chosen model
     is filled. If rounding errors make a motion irreproducible, bars show medians over initial
     states, with ranges.
     """
@@ -210,10 +208,10 @@ def draw_models(comparisons: list[xr.Dataset], scenes: list[str]):
     panel_axes = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
     for axes, scene, data in zip(panel_axes, scenes, comparisons, strict=True):
         axes.axvline(data.tolerance, color=_ORANGE, linewidth=0.8, linestyle="--")
-        axes.set(xscale="log", xlim=_LIMITS)
+        axes.set(xscale="log", xlim=_CHANGE_LIMITS)
         for i in range(data.sizes["model"]):
             _draw_bar(axes, data.isel(model=i), i)
-        # Ticks inside the frame would overlap the bars.
+        # Ticks inside the axes would overlap the bars.
         axes.tick_params(axis="y", length=0)
         labels = [_MODEL_LABELS[name].format(int(data.harmonics)) for name in data.model.values]
         axes.set_yticks(range(len(labels)), labels, fontsize=6)
@@ -224,26 +222,27 @@ def draw_models(comparisons: list[xr.Dataset], scenes: list[str]):
 
 
 def _draw_bar(axes, model: xr.Dataset, y: int):
-    """Draw the change of results from one model to a larger one as a bar at the height `y`.
+    """Draw the change of results from one model to a more detailed one as a bar at the height `y`.
 
-    The bar of the model that is used (`chosen`) is filled. A text beside the bar states the change
-    (it is NaN for the largest model) and the cost of the model.
+    The bar of the chosen model is filled. A text next to the bar states the change (NaN for the
+    most detailed model) and the cost of the model.
     """
     change, is_chosen = float(model.change), model.model.item() == model.chosen.item()
-    # If the motion depends on rounding errors, its change has a range over initial states, which an
-    # orange line shows.
+    # If the motion depends on rounding errors, an orange line shows the range of the change over
+    # several initial states.
     is_reproducible = bool(model.change_free_of_rounding)
     description = f"{change:.2g}" if is_reproducible else "rounding decides"
     if np.isnan(change):
         description = "the largest model"
     else:
-        face = _BLUE if is_chosen else "white"
-        axes.barh(y, max(change, _LIMITS[0]), color=face, edgecolor=_BLUE, height=0.7)
+        face_colour = _BLUE if is_chosen else "white"
+        bar_length = max(change, _CHANGE_LIMITS[0])
+        axes.barh(y, bar_length, color=face_colour, edgecolor=_BLUE, height=0.7)
         if not is_reproducible:
             axes.plot([model.change_low, model.change_high], [y] * 2, color=_ORANGE, lw=2.0)
     if is_chosen:
         description += ", used for the scene"
     if is_reproducible:
         description += f", cost {float(model.cost):.3g}"
-    point, box = (_LIMITS[1], y), style.white_box(padding=0.1)
+    point, box = (_CHANGE_LIMITS[1], y), style.white_box(padding=0.1)
     style.annotate(axes, description, point, (-4, 0), "right center", bbox=box)

@@ -1,4 +1,4 @@
-"""Orders of a shaft: order spectra, order maps, and run-ups above the map of the slowest one."""
+"""Order spectra, order maps, and run-ups above the order map of the slowest one."""
 
 import math
 
@@ -20,12 +20,12 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
     """Draw order spectra: amplitudes over the orders, with labels at tooth-passing harmonics.
 
     An order is the ratio of a frequency to the frequency of the shaft. The mean (order 0) and
-    amplitudes below a millionth of the largest one are left out.
+    amplitudes below a millionth of the largest are omitted.
 
     Parameters
     ----------
     *spectra : xarray.Dataset
-        Order spectra returned by `gearlib.orders`; each mesh of a train has a colour.
+        Order spectra returned by `gearlib.orders`; each mesh of a train has its own colour.
     axes : matplotlib.axes.Axes, optional
         Axes to draw into; by default the axes of a new pyplot figure.
     labels : sequence of str, optional
@@ -43,11 +43,11 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
         If a dataset is not an order spectrum, or lacks the variable.
     """
     checks.check_choice("variable", variable, ("force_amplitude", "error_amplitude"))
-    # Messages about missing variables name the functions that draw and that compute datasets.
+    # Error messages name the function that draws (caller) and the one that computes (source).
     sources = {"dim": "order", "caller": "orders", "source": "orders"}
     curves = plot_curves.create_curves(spectra, labels, (variable, "mesh_order"), **sources)
     axes = plot_curves.get_axes(axes)
-    # Entry 0 of the orders is the mean.
+    # Omit order 0, the mean.
     spectra = [curve.data.isel(order=slice(1, None)) for curve in curves]
     variables = [spectrum[variable] for spectrum in spectra]
     unit_size, unit = style.readable_unit(variables[0].units, *variables)
@@ -68,10 +68,10 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
 
 
 def _label_harmonics(axes, data: xr.Dataset):
-    """Mark the harmonics of the mesh frequency in an order spectrum, with labels above the axes.
+    """Draw labelled lines at the harmonics of the mesh frequency in an order spectrum.
 
     Harmonics are the orders at which the variable `mesh_order` of `data` is an integer. If there
-    are more than `_MAX_LABELS`, only every second, third ... gets a label.
+    are more than `_MAX_LABELS`, only every second, third etc. is labelled.
     """
     is_harmonic = (data.mesh_order.values % 1 == 0) & (data.mesh_order.values > 0)
     orders = data.order.values[is_harmonic]
@@ -86,7 +86,7 @@ def _label_harmonics(axes, data: xr.Dataset):
     axes.set_xlim(0.0, 1.03 * float(np.max(data.order)))
 
 
-#: CF unit of a variable -> (size in SI, name) of the reference unit of its levels in dB.
+#: CF unit of a variable -> (size in SI, name) of the reference value of its levels in dB.
 REFERENCE_UNITS = {
     "m": (1e-6, "µm"),
     "N": (1.0, "N"),
@@ -95,10 +95,10 @@ REFERENCE_UNITS = {
 }
 #: Range of the colour scale below the highest level, dB.
 LEVEL_RANGE = 80.0
-#: Number of mesh orders z, 2z, ... that are labelled.
+#: Number of labelled mesh orders z, 2z, ...
 MESH_ORDERS = 3
-#: Variable of characteristic frequencies -> its entry in the legend.
-LEGEND = {
+#: Variable of characteristic frequencies -> legend label.
+LEGEND_LABELS = {
     "mesh_frequency_hertz": "mesh frequency",
     "hunting_tooth_frequency": "hunting tooth",
     "assembly_phase_frequency": "assembly phase",
@@ -106,7 +106,7 @@ LEGEND = {
     "shaft_frequency": "shaft",
     "planet_passing_frequency": "planet passing",
 }
-#: Largest number of circles of a measured map on each mesh order.
+#: Largest number of circles on each mesh order of a measured map.
 MAX_CIRCLES = 30
 
 
@@ -122,10 +122,10 @@ def order_map(
 ):
     """Draw an order map, with the rising and the falling speed side by side.
 
-    An order map has the amplitudes over the speed and the order (waves per revolution). Labelled
+    An order map shows amplitudes over the speed and the order (waves per revolution). Labelled
     lines are the mesh orders z, 2z, ... and the subharmonic z/2 of a gear with z teeth, dotted
-    lines the sidebands z - 1, z + 1 and so on. Axes below each map show the overall level. Times
-    that were left out of the map stay empty.
+    lines are the sidebands z - 1, z + 1 etc. The axes below each map show the overall level. Time
+    intervals without data remain empty.
 
     Parameters
     ----------
@@ -138,11 +138,11 @@ def order_map(
     levels : tuple of float, optional
         Lowest and highest level, dB; by default the highest level and 80 dB below it.
     measured : xarray.Dataset, optional
-        Measured order map of the same variable. Its overall level is drawn as dots. Circles on the
-        mesh orders are coloured by level, so that they vanish where both maps agree.
+        Measured order map of the same variable. Its overall level is drawn as dots, and its levels
+        on the mesh orders as coloured circles, which become invisible where both maps agree.
     frequencies : xarray.Dataset, optional
-        Characteristic frequencies, returned by `gearlib.characteristic_frequencies`, of the gear to
-        which the speed refers: lines with an entry in the legend.
+        Characteristic frequencies, returned by `gearlib.characteristic_frequencies`, of the gear
+        whose speed is shown. They are drawn as lines with a legend.
 
     Returns
     -------
@@ -191,7 +191,7 @@ def order_map(
             points = measured_run.rpm, measured_run.overall
             style.draw_markers(level_axes, *points, ".", "#8C8C8C", 2.0, **options)
         level_axes.set_xlabel("speed (rpm)")
-        # With more ticks, speeds of five digits would overlap.
+        # With more ticks, speeds with five digits would overlap.
         level_axes.locator_params(axis="x", nbins=5)
     grid[0, 0].set_ylabel("order" if vertical == "order" else "frequency (Hz)")
     grid[1, 0].set_ylabel(f"overall\n({unit})")
@@ -201,12 +201,12 @@ def order_map(
 
 
 def _convert_to_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
-    """Prepare an order map for drawing: return it with levels in dB, and the unit of the levels.
+    """Return an order map with levels in dB, prepared for drawing, and the unit of the levels.
 
-    The variables `level` and `overall` of the new map are in dB; `direction` is "up" or "down", the
-    change of speed in each block of samples; `height` is the position of each level on the vertical
-    axis, which shows `vertical`, "order" or "frequency"; `scale` is the height over the order.
-    Order 0, the mean, is left out.
+    The map gets the variables `level` and `overall` (dB); `direction` ("up" or "down", the change
+    of speed); `height`, the vertical position of each level on an axis of the quantity `vertical`
+    ("order" or "frequency"); and `scale`, the ratio of height to order. Order 0, the mean, is
+    omitted.
     """
     data = _insert_empty_blocks(data.isel(order=slice(1, None)))
     unit = data.overall.attrs.get("units", "N")
@@ -217,47 +217,49 @@ def _convert_to_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, s
         level = 20.0 * np.log10(amplitude / reference)
         overall = 20.0 * np.log10(data.overall / reference)
     rpm = np.abs(data.rpm)
-    falls = np.gradient(rpm.values) < 0.0 if rpm.size > 1 else np.zeros(1, bool)
+    is_falling = np.gradient(rpm.values) < 0.0 if rpm.size > 1 else np.zeros(1, bool)
     scale = rpm / 60.0 if vertical == "frequency" else xr.ones_like(rpm)
     levels = {"level": level, "overall": overall, "scale": scale, "height": scale * data.order}
-    direction = "time", np.where(falls, "down", "up")
+    direction = "time", np.where(is_falling, "down", "up")
     return data.assign(levels | {"direction": direction}), f"dB re 1 {name}"
 
 
 def _insert_empty_blocks(data: xr.Dataset) -> xr.Dataset:
-    """Return an order map with an empty block (NaN) at both ends of each gap in its times.
+    """Insert an empty block (NaN) at both ends of each time gap of an order map.
 
-    A block is the samples of which one spectrum is computed: as many revolutions as the inverse of
-    the order resolution. Without empty blocks, the map would be drawn across the gaps.
+    A block is a set of samples from which one spectrum is computed; the number of its revolutions
+    is the inverse of the order resolution. Without empty blocks, the map would be drawn across the
+    gaps.
     """
     time, durations = data.time.values, 60.0 / (data.order_resolution * np.abs(data.rpm)).values
-    # There is a gap where the centres of two blocks are much farther apart than the mean of their
-    # durations.
+    # There is a gap if the distance between the centres of two blocks is much longer than their
+    # mean duration.
     gaps = np.flatnonzero(np.diff(time) > 0.75 * (durations[1:] + durations[:-1]))
     if not gaps.size:
         return data
     gap_starts = time[gaps] + durations[gaps]
     gap_ends = time[gaps + 1] - durations[gaps + 1]
-    filled = data.reindex(time=np.unique([*time, *gap_starts, *gap_ends]))
-    return filled.assign(rpm=("time", np.interp(filled.time, time, data.rpm), data.rpm.attrs))
+    extended_map = data.reindex(time=np.unique([*time, *gap_starts, *gap_ends]))
+    rpm = np.interp(extended_map.time, time, data.rpm)
+    return extended_map.assign(rpm=("time", rpm, data.rpm.attrs))
 
 
 def _select_direction(data: xr.Dataset, direction: str) -> xr.Dataset:
-    """Return the blocks of an order map in which the speed goes "up" or "down", sorted by speed."""
+    """Return the blocks of an order map with rising ("up") or falling ("down") speed, by speed."""
     return data.isel(time=np.flatnonzero(data.direction == direction)).sortby("rpm")
 
 
 def _draw_circles(axes, measured: xr.Dataset, colours: dict):
-    """Draw circles coloured by level on the mesh orders of a measured order map.
+    """Draw circles, coloured by level, on the mesh orders of a measured order map.
 
-    Mesh orders are the multiples of the number of teeth. `measured` has variables of
-    `_convert_to_decibels`: levels in dB over speed ("rpm") and order. `colours` has the entries
-    cmap, vmin and vmax, the last two in dB. At most `MAX_CIRCLES` circles are drawn on each order.
+    Mesh orders are the multiples of the number of teeth. `measured` is a map returned by
+    `_convert_to_decibels`. `colours` contains the colour map (cmap) and its limits in dB (vmin,
+    vmax). At most `MAX_CIRCLES` circles are drawn on each order.
     """
     block_step = max(1, math.ceil(measured.sizes["time"] / MAX_CIRCLES))
     blocks = measured.isel(time=slice(None, None, block_step))
     for order in float(measured.teeth) * np.arange(1, MESH_ORDERS + 1):
-        # A measured map may lack this order.
+        # The measured map may not contain this order.
         if np.abs(measured.order - order).min() < 1e-6:
             track = blocks.sel(order=order, method="nearest")
             options = colours | {"edgecolors": "white", "linewidth": 0.4, "zorder": 3}
@@ -266,25 +268,27 @@ def _draw_circles(axes, measured: xr.Dataset, colours: dict):
 
 
 def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
-    """Draw dashed lines at the orders of characteristic frequencies, such as the shaft frequency.
+    """Draw dashed lines at the orders of characteristic frequencies, e.g. the shaft frequency.
 
-    Each kind of frequency has its colour and an entry in the legend. `run` has variables of
-    `_convert_to_decibels`, among them the speed ("rpm") and the height over the order ("scale").
-    `frequencies` is a result of `gearlib.characteristic_frequencies`; its frequencies are in Hz at
-    its `speed` in rpm.
+    Each kind of frequency has its own colour and legend entry. `run` is an order map returned by
+    `_convert_to_decibels`. `frequencies` is a result of `gearlib.characteristic_frequencies`, in
+    Hz at its `speed` in rpm.
     """
-    in_hertz = frequencies.filter_by_attrs(units="Hz").data_vars
-    for i, name in enumerate([name for name in in_hertz if name in LEGEND]):
-        hertz = np.unique(np.round(frequencies[name].values, 9))
-        orders = hertz[np.isfinite(hertz) & (hertz > 0.0)] * 60.0 / float(frequencies.speed)
-        label = LEGEND[name]
+    frequency_names = frequencies.filter_by_attrs(units="Hz").data_vars
+    for i, name in enumerate([name for name in frequency_names if name in LEGEND_LABELS]):
+        values = np.unique(np.round(frequencies[name].values, 9))
+        orders = values[np.isfinite(values) & (values > 0.0)] * 60.0 / float(frequencies.speed)
+        label = LEGEND_LABELS[name]
         for order in orders[orders <= float(run.order[-1])]:
             heights = order * run.scale
             axes.plot(run.rpm, heights, lw=0.5, ls="--", color=f"C{i}", label=label)
-            label = None  # The legend names each kind once.
+            label = None  # Each kind must have only one legend entry.
     handles, labels = axes.get_legend_handles_labels()
-    handle_of = dict(zip(labels, handles, strict=True))
-    entries = {label: handle for label, handle in handle_of.items() if label in LEGEND.values()}
+    handle_by_label = dict(zip(labels, handles, strict=True))
+    entries = {}
+    for label, handle in handle_by_label.items():
+        if label in LEGEND_LABELS.values():
+            entries[label] = handle
     if entries:
         axes.legend(entries.values(), entries, fontsize=5, loc="upper left")
 
@@ -292,31 +296,32 @@ def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
 def _draw_mesh_orders(axes, data: xr.Dataset):
     """Draw labelled lines at mesh orders and their subharmonic, and dotted lines at sidebands.
 
-    Mesh orders are the multiples of z, the number of teeth (`teeth` of `data`), and z/2 is the
-    subharmonic. `data` is an order map of `_convert_to_decibels`, whose `scale` is the height over
-    the order. Lines need only their ends and the point of the lowest speed, where they may bend.
+    Mesh orders are the multiples of the number of teeth z, and z/2 is the subharmonic. `data` is an
+    order map returned by `_convert_to_decibels`. The lines may bend at the lowest speed, so only
+    their ends and this point are drawn.
     """
-    slowest = int(np.abs(data.rpm).argmin("time"))
-    teeth, ends = float(data.teeth), data.isel(time=sorted({0, slowest, data.sizes["time"] - 1}))
+    slowest_index, last_index = int(np.abs(data.rpm).argmin("time")), data.sizes["time"] - 1
+    teeth = float(data.teeth)
+    line_points = data.isel(time=sorted({0, slowest_index, last_index}))
     orders = {"z/2": 0.5 * teeth, "z": teeth}
     orders |= {f"{k}z": k * teeth for k in range(2, MESH_ORDERS + 1)}
     options = {"color": "white", "alpha": 0.6}
     for name, order in orders.items():
         if order <= data.order[-1]:
-            axes.plot(ends.rpm, order * ends.scale, lw=0.5, label=name, **options)
-            point = ends.rpm[-1], order * ends.scale[-1]
+            axes.plot(line_points.rpm, order * line_points.scale, lw=0.5, label=name, **options)
+            point = line_points.rpm[-1], order * line_points.scale[-1]
             style.annotate(axes, name, point, (2, 0), "left baseline")
         sideband_offsets = (-1.0, 1.0) if name != "z/2" else ()
         for offset in sideband_offsets:
             if order + offset <= data.order[-1]:
-                label, heights = f"{name} {offset:+.0f}", (order + offset) * ends.scale
-                axes.plot(ends.rpm, heights, lw=0.4, ls=":", label=label, **options)
+                label, heights = f"{name} {offset:+.0f}", (order + offset) * line_points.scale
+                axes.plot(line_points.rpm, heights, lw=0.4, ls=":", label=label, **options)
 
 
 _HEIGHT, _MAP_HEIGHT = 3.4, 4.0
 _EXTREMA = ("displacement_max", "displacement_min")
 _SWEEP_LINE = {"color": "#BBBBBB", "linewidth": 2.5, "zorder": 1}
-_FOLD_LINE = {"line": style.DASHED, "linewidth": 0.6}
+_FOLD_LINE = {"line_style": style.DASHED, "linewidth": 0.6}
 #: Code of folds in the variable `label` of branches.
 _FOLD_CODE = 1
 
@@ -334,7 +339,7 @@ def draw_run_ups(run_ups: xr.Dataset, *, resonance=None, branches=None):
     extrema_area, map_area = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])
     axes = extrema_area.subplots()
     for name in _EXTREMA:
-        curve_options = {"colour": "revolutions", "line": "direction"}
+        curve_options = {"colour_dim": "revolutions", "line_dim": "direction"}
         handles = panels.draw_curves(axes, run_ups, "tuning", name, **curve_options)
     if resonance is not None:
         _draw_sweeps(axes, resonance.sortby("tuning"), str(run_ups.damping.values))
@@ -342,26 +347,26 @@ def draw_run_ups(run_ups: xr.Dataset, *, resonance=None, branches=None):
         handles.append(style.legend_handle("sweeps", colour, linewidth=width))
     if branches is not None:
         for tuning in np.unique(branches.tuning.values[branches.label.values == _FOLD_CODE]):
-            axes.axvline(tuning, color="black", linestyle=_FOLD_LINE["line"], linewidth=0.6)
+            axes.axvline(tuning, color="black", linestyle=_FOLD_LINE["line_style"], linewidth=0.6)
         handles.append(style.legend_handle("fold", **_FOLD_LINE))
     axes.set_xlim(run_ups.tuning.min(), run_ups.tuning.max())
     axes.set_ylabel("largest and smallest displacement\n(static deflections)")
     axes.legend(handles=handles, ncols=2)
-    # Data gathered from several files may have lost these attributes.
+    # These attributes may be missing in data gathered from several files.
     attributes = {"variable": "dynamic_force", "amplitude": "rms"} | run_ups.attrs
     order_map(run_ups.rename(block="time").assign_attrs(attributes), figure=map_area)
     return figure
 
 
 def _draw_sweeps(axes, resonance: xr.Dataset, damping: str):
-    """Draw the displacement extrema of sweeps with increasing ("up") and decreasing tuning.
+    """Draw the displacement extrema of sweeps with increasing and decreasing tuning.
 
     The tuning is the mesh frequency over the natural frequency. Nothing is drawn unless `resonance`
-    has the damping combination named `damping`.
+    contains the damping combination named `damping`.
     """
     if damping in resonance.damping.values:
         sweeps = resonance.sel(damping=damping)
         sweeps = sweeps.sel(direction=[d for d in ("up", "down") if d in sweeps.direction])
         for name in _EXTREMA:
-            options = {"line": "direction", "linestyle": "-"} | _SWEEP_LINE
+            options = {"line_dim": "direction", "linestyle": "-"} | _SWEEP_LINE
             panels.draw_curves(axes, sweeps, "tuning", name, **options)

@@ -1,4 +1,4 @@
-"""Panels of curves of a dataset; labels, units and legends come from its attributes."""
+"""Panels with curves of a dataset; labels, units and legends are derived from its attributes."""
 
 import re
 import textwrap
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from gearlib.figures import style
 
 ROW_HEIGHT, LEGEND_HEIGHT = 1.8, 0.7
-#: Number of characters of a label per inch of an axis.
+#: Number of label characters per inch of an axis.
 CHARACTERS_PER_INCH = 15
 
 _UNITS = {"1": "", "min-1": "rpm", "degree": "degrees"}
@@ -40,10 +40,10 @@ _GREEK = {"nu": "ν", "tau": "τ", "kappa": "κ", "epsilon": "ε", "beta": "β"}
 
 
 def name_and_unit(variable: xr.DataArray) -> tuple[str, str]:
-    """Return the name of a variable for axis labels, and its unit as written in text.
+    """Return the name of a variable for axis labels, and its unit in common notation.
 
-    The name is the attribute long_name up to a comma or colon, with Greek letters in place of their
-    names. Units in CF notation are rewritten: "min-1" becomes "rpm", "1" becomes "".
+    The name is the attribute long_name up to a comma or colon; names of Greek letters are replaced
+    by the letters. Units are converted from CF notation, e.g. "min-1" to "rpm" and "1" to "".
     """
     name = variable.attrs.get("long_name", str(variable.name).replace("_", " "))
     greek_words = rf"\b(d?)({'|'.join(_GREEK)})\b"
@@ -61,14 +61,14 @@ def axis_label(variable: xr.DataArray, width: int | None = None) -> str:
 
 
 def value_label(coordinate: xr.DataArray) -> str:
-    """Return the label of a scalar coordinate: a readable name, or "name = number unit"."""
+    """Return a label for the value of a scalar coordinate, as `value_labels` does."""
     return value_labels(coordinate)[0]
 
 
 def value_labels(coordinate: xr.DataArray) -> list[str]:
-    """Return a label for each value of a coordinate; different values have different labels.
+    """Return a label for each value of a coordinate; different values get different labels.
 
-    Strings get a readable name, such as "from rest" for "cold"; numbers get "name = number unit".
+    A string gets a readable name, e.g. "from rest" for "cold"; a number gets "name = number unit".
     """
     values = np.ravel(coordinate.values).tolist()
     if isinstance(values[0], str):
@@ -78,11 +78,10 @@ def value_labels(coordinate: xr.DataArray) -> list[str]:
 
 
 def format_tunings(tunings: ArrayLike, speeds: ArrayLike | None = None) -> list[str]:
-    """Return each tuning as text; a tuning computed from a speed is followed by this speed.
+    """Format tunings (mesh frequency over natural frequency), if useful with their speeds.
 
-    The tuning is the mesh frequency over the natural frequency. Computed tunings have more digits
-    than those that a user wrote. `speeds`, in rpm, has the speed of each tuning; with None no text
-    has a speed.
+    If `speeds`, in rpm, are given, the speed is appended to each tuning with many digits, because
+    the user must have given the speed instead of the tuning.
     """
     texts = style.format_numbers(tunings, digits=4, form="f", decimals=2)
     if speeds is None:
@@ -96,105 +95,115 @@ def format_tunings(tunings: ArrayLike, speeds: ArrayLike | None = None) -> list[
 
 
 def plot_options(coordinate: xr.DataArray, colours: dict | None = None) -> dict[Any, dict]:
-    """Return a dict: coordinate value -> `Axes.plot` options (colour, dashes, label) of its curve.
+    """Return a dict: coordinate value -> options of `Axes.plot` (colour, line style, label).
 
-    `colours` maps some coordinate values to colours; the others get colours of the palette.
+    `colours` maps some coordinate values to colours; all others get colours of the palette.
     """
     styles = style.curve_styles(coordinate.values.tolist(), colours)
     labels = value_labels(coordinate) if styles else []
     return {
-        value: {"color": curve.colour, "linestyle": curve.line, "label": label}
+        value: {"color": curve.colour, "linestyle": curve.line_style, "label": label}
         for (value, curve), label in zip(styles.items(), labels, strict=True)
     }
 
 
 def set_plain_ticks(axis: Axis):
-    """Label the ticks of a logarithmic axis over few decades with plain numbers such as 1.5."""
+    """Label the ticks of a logarithmic axis with plain numbers, for a range of few decades."""
     axis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
 
 
 def legend_handles(styles: dict[str, dict]) -> list[Line2D]:
-    """Return a legend handle for each curve; `styles` maps curves to options of `Axes.plot`."""
+    """Return one legend handle per curve; `styles` maps curves to options of `Axes.plot`."""
     return [Line2D([], [], **options) for options in styles.values()]
 
 
 def phase_to_mesh_periods(dataset: xr.Dataset, name="phase") -> xr.Dataset:
-    """Return a dataset with its phase coordinate `name` converted from rad to mesh periods."""
+    """Convert the phase coordinate `name` of a dataset from rad to mesh periods."""
     periods = dataset[name] / (2.0 * np.pi)
     return dataset.assign_coords({name: periods.assign_attrs(long_name="mesh periods", units="1")})
 
 
-def convert_unit(variable: xr.DataArray, size: float, unit: str) -> xr.DataArray:
-    """Return a variable divided by `size`, the size of the new `unit` in the present unit."""
-    return (variable / size).assign_attrs(variable.attrs | {"units": unit})
+def convert_unit(variable: xr.DataArray, unit_size: float, unit: str) -> xr.DataArray:
+    """Convert a variable to another `unit`; `unit_size` is its size in the present unit."""
+    return (variable / unit_size).assign_attrs(variable.attrs | {"units": unit})
 
 
 def draw_curves(
-    axes: Axes, data: xr.Dataset, x: str, y: str, *, colour=None, line=None, styles=None, **options
+    axes: Axes,
+    data: xr.Dataset,
+    x: str,
+    y: str,
+    *,
+    colour_dim=None,
+    line_dim=None,
+    styles=None,
+    **options,
 ) -> list[Line2D]:
-    """Draw the variable named `y` of a dataset over the variable named `x`; return legend handles.
+    """Draw the variable `y` of a dataset over the variable `x`; return legend handles.
 
-    `colour` and `line` are names of dimensions or None. There is a curve for each combination of
-    their values: each value of `colour` has its colour, each value of `line` its dashes. `styles`
-    maps values of `colour` to options of `Axes.plot`; `options` are such options for all curves.
+    One curve is drawn for each combination of values of the dimensions `colour_dim` and `line_dim`,
+    which determine the colour and the line style; either may be None. `styles` maps values of
+    `colour_dim` to options of `Axes.plot`; `options` apply to all curves.
     """
     colour_styles = {None: {"color": style.PALETTE[0]}}
     line_styles = {None: {}}
-    if colour is not None:
-        colour_styles = styles or plot_options(data[colour])
-    if line is not None:
-        values = data[line].values.tolist()
+    if colour_dim is not None:
+        colour_styles = styles or plot_options(data[colour_dim])
+    if line_dim is not None:
+        values = data[line_dim].values.tolist()
+        labels = value_labels(data[line_dim])
         line_styles = {
-            value: {"linestyle": dashes, "label": label}
-            for value, label, dashes in zip(
-                values, value_labels(data[line]), cycle(style.LINE_STYLES), strict=False
+            value: {"linestyle": line_style, "label": label}
+            for value, label, line_style in zip(
+                values, labels, cycle(style.LINE_STYLES), strict=False
             )
         }
     for colour_value, colour_style in colour_styles.items():
         for line_value, line_style in line_styles.items():
-            curve = data if colour is None else data.sel({colour: colour_value})
-            curve = curve if line is None else curve.sel({line: line_value})
+            curve = data if colour_dim is None else data.sel({colour_dim: colour_value})
+            curve = curve if line_dim is None else curve.sel({line_dim: line_value})
             curve_style = colour_style | line_style | {"label": None} | options
             axes.plot(curve[x].values, curve[y].values, **curve_style)
-    # The label of the vertical axis is wrapped to the height of the axes in inches.
+    # The label of the vertical axis is wrapped to the height of the axes.
     height = axes.get_window_extent().height / axes.figure.dpi
     axes.set_xlabel(axis_label(data[x]))
     axes.set_ylabel(axis_label(data[y], max(12, round(CHARACTERS_PER_INCH * height))))
-    # The legend lists colours and dashes separately: colours with solid lines, dashes in black.
-    entry_options = [] if colour is None else [*colour_styles.values()]
-    if line is not None:
-        entry_options = [options | {"linestyle": "-"} for options in entry_options]
-        entry_options += [{"color": "black"} | options for options in line_styles.values()]
-    return [Line2D([], [], **options) for options in entry_options]
+    # The legend lists colours (with solid lines) and line styles (in black) separately.
+    handle_options = [] if colour_dim is None else [*colour_styles.values()]
+    if line_dim is not None:
+        handle_options = [options | {"linestyle": "-"} for options in handle_options]
+        handle_options += [{"color": "black"} | options for options in line_styles.values()]
+    return [Line2D([], [], **options) for options in handle_options]
 
 
 def draw_panels(
-    data, x, y, *, panel=None, colour=None, line=None, styles=None, figure=None
+    data, x, y, *, panel_dim=None, colour_dim=None, line_dim=None, styles=None, figure=None
 ) -> np.ndarray:
-    """Draw variables of a dataset in panels, with a legend below; return the array of axes.
+    """Draw variables of a dataset in panels with a common legend; return the array of axes.
 
-    `x` is the name of the variable on all horizontal axes; `y` is the name of the variable to draw,
-    or a list of names with a row of panels each. `panel`, `colour` and `line` are names of
-    dimensions or None: each value of `panel` has a column of panels, each value of `colour` a
-    colour, each value of `line` its dashes. `styles` maps values of `colour` to options of
-    `Axes.plot`. Without a `figure`, a new one is made.
+    `x` is the name of the variable on the horizontal axes, and `y` the name of the variable to
+    draw, or a list of names, one for each row of panels. `panel_dim`, `colour_dim` and `line_dim`
+    are dimensions or None; their values determine the column of panels, the colour and the line
+    style. `styles` maps values of `colour_dim` to options of `Axes.plot`. If `figure` is None, a
+    new figure is created.
     """
     names = [y] if isinstance(y, str) else list(y)
     selections = [data]
-    if panel is not None:
-        selections = [data.sel({panel: value}) for value in data[panel].values]
+    if panel_dim is not None:
+        selections = [data.sel({panel_dim: value}) for value in data[panel_dim].values]
     figure = figure or style.page_figure(ROW_HEIGHT * len(names) + LEGEND_HEIGHT)
     grid = figure.subplots(len(names), len(selections), squeeze=False, sharex=True, sharey="row")
-    titles = [""] if panel is None else value_labels(data[panel])
-    for column, selected, title in zip(grid.T, selections, titles, strict=True):
+    titles = [""] if panel_dim is None else value_labels(data[panel_dim])
+    curve_options = {"colour_dim": colour_dim, "line_dim": line_dim, "styles": styles}
+    for column, selection, title in zip(grid.T, selections, titles, strict=True):
         column[0].set_title(title)
         for axes, name in zip(column, names, strict=True):
-            entries = draw_curves(axes, selected, x, name, colour=colour, line=line, styles=styles)
+            handles = draw_curves(axes, selection, x, name, **curve_options)
             axes.label_outer()
-    # Matplotlib labels lines that have no label with a leading underscore.
-    entries = [entry for entry in entries if not str(entry.get_label()).startswith("_")]
-    if entries:
-        style.add_legend(figure, entries, columns=min(len(entries), 4))
+    # Matplotlib gives lines without a label a label with a leading underscore.
+    handles = [handle for handle in handles if not str(handle.get_label()).startswith("_")]
+    if handles:
+        style.add_legend(figure, handles, columns=min(len(handles), 4))
     return grid

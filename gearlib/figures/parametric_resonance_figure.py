@@ -19,15 +19,14 @@ _PAIR_LINE = {"color": "black", "linewidth": 0.7, "linestyle": (0, (4, 3)), "lab
 
 @style.rc_context()
 def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
-    """Return a stability chart: growth and instability tongues in three planes of parameters.
+    """Return a stability chart: growth and instability tongues in three parameter planes.
 
     A tongue is a region in which the motion without loss of contact is unstable. The planes have
     the tuning (mesh frequency over natural frequency) and the stiffness ratio, contact ratio or
-    damping as axes. `chart` and `contact_loss` are results of `stability_chart` and `contact_loss`
-    of `gearlib.studies.stability`. Shades show the growth per mesh period at the first damping,
-    lines the edges of tongues, circles the points where a tongue has zero width. Dashed lines show
-    values of the gear pair: own_value of `chart`, damping_ratio of `contact_loss`. A cross marks
-    the tuning that the user requested (`asked`), at the value of the pair or at zero damping.
+    damping as axes. Shades show the growth per mesh period at the first damping, lines the edges of
+    tongues, circles points at which a tongue has zero width. Dashed lines show the values of the
+    gear pair. A cross marks the requested tuning (`asked`), at the value of the pair or at zero
+    damping. `chart` and `contact_loss` are results of `gearlib.studies.stability`.
     """
     figure = style.page_figure(height=6.6)
     mosaic = [["stiffness_ratio", "contact_ratio"], ["damping", "damping"]]
@@ -40,7 +39,7 @@ def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
         style.draw_markers(
             axes, points.point_tuning, points.point_value, "o", "black", 3.5, **options
         )
-        # In the plane of damping the cross is at zero damping.
+        # In the damping plane, the cross is at zero damping.
         pair_value = 0.0 if plane_name == "damping" else float(plane.own_value)
         requested_tuning = float(contact_loss.asked)
         axes.plot([requested_tuning], [pair_value], "k+", markersize=7, clip_on=False)
@@ -57,12 +56,11 @@ def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
 
 
 def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
-    """Draw growth and the edges of instability tongues in one plane; return the image of growth.
+    """Draw growth and edges of instability tongues in one parameter plane; return the growth image.
 
-    A tongue is a region in which the motion without loss of contact is unstable. The axes of the
-    plane are the tuning (mesh frequency over natural frequency), on a logarithmic scale, and a
-    parameter such as the stiffness ratio, over which the dimension "row" of `plane` runs. The
-    colour scale ends at `max_growth`.
+    A tongue is a region in which the motion without loss of contact is unstable. The axes are the
+    tuning (mesh frequency over natural frequency), on a logarithmic scale, and a parameter such as
+    the stiffness ratio (dimension "row" of `plane`). The colour scale ends at `max_growth`.
     """
     growth = plane.growth.where(plane.growth > 0.0)
     options = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": max_growth, "shading": "nearest"}
@@ -81,14 +79,14 @@ def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
 
 
 def _label_tongues(axes, plane: xr.Dataset):
-    """Write order and closing damping ratio of each instability tongue at its tip.
+    """Write the order and the closing damping ratio of each instability tongue at its tip.
 
-    A tongue is a region in which the motion without loss of contact is unstable; above the closing
-    damping ratio it does not exist. `plane` is the plane of tuning (mesh frequency over natural
-    frequency) and damping.
+    A tongue is a region in which the motion without loss of contact is unstable; it vanishes at the
+    closing damping ratio. `plane` is the plane of tuning (mesh frequency over natural frequency)
+    and damping.
     """
     for order in plane.order.values:
-        # Row 0 is without damping, where tongues are widest. This plane has one damping only.
+        # Tongues are widest in row 0, at zero damping. This plane has only one damping.
         tongue = plane.isel(damping=0, row=0).sel(order=order)
         centre = 0.5 * float(tongue.tuning_from + tongue.tuning_to)
         closing_damping = float(tongue.closing_damping)
@@ -98,10 +96,10 @@ def _label_tongues(axes, plane: xr.Dataset):
 
 
 def _draw_damping_ratios(axes, ratios: xr.DataArray):
-    """Draw a horizontal line at each damping ratio, with the names of the damping models beside it.
+    """Draw a horizontal line at each damping ratio, labelled with the names of the dampings.
 
-    `ratios` are the damping ratios of the gear pair over "damping", the names of its damping
-    models, which may share a ratio. Zero and values beyond the axes get no line.
+    `ratios` are the damping ratios of the gear pair over the dimension "damping"; several dampings
+    may have the same ratio. No line is drawn at zero or outside the axes.
     """
     for ratio, dampings in ratios.groupby(ratios):
         if 0.0 < ratio < axes.get_ylim()[1]:

@@ -1,4 +1,4 @@
-"""Curves of datasets for `gearlib.plot`: labels, styles, and second scales in SI units."""
+"""Curves of datasets for `gearlib.plot`: labels, styles, and secondary axes in SI units."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -13,9 +13,9 @@ from gearlib.data.variables import SI_SCALES
 from gearlib.figures import panels, style
 from gearlib.figures.style import CurveStyle
 
-#: Dimensions with a curve for each value.
+#: Dimensions whose values each get a curve.
 CURVE_DIMENSIONS = ("case", "damping", "direction", "mesh")
-#: Direction of a sweep -> its label; direction of a warm-started sweep -> (dashes, marker).
+#: Direction of a sweep -> its label; direction of a warm-started sweep -> (line style, marker).
 DIRECTION_LABELS = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
 WARM_STARTED_STYLES = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
 
@@ -32,7 +32,7 @@ class Curve:
 def require_variables(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, dim=None):
     """Raise ValueError unless a dataset has the variables `names`, each over the dimension `dim`.
 
-    With None as `dim` they may have any dimensions. The message names `gearlib.plot.<caller>`, the
+    If `dim` is None, any dimensions are allowed. The message names `gearlib.plot.<caller>`, the
     function that draws, and `gearlib.<source>`, the function that computes such datasets.
     """
     variables = getattr(dataset, "variables", {})
@@ -46,67 +46,67 @@ def require_variables(caller: str, dataset: xr.Dataset | None, names: tuple, sou
 
 
 def create_curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Curve]:
-    """Return a `Curve` (data, label, style) for each damping, direction, mesh and case of datasets.
+    """Create a `Curve` (data, label, style) for each damping, direction, mesh and case of datasets.
 
-    Each dataset must have the variables `names` over the dimension `dim`. `labels` has a string for
-    each dataset, with which its legend labels start; with None they start with its direction and
-    damping. Labels leave out properties that all curves have in common. Error messages name
-    `caller`, a function of `gearlib.plot`, and `source`, a function of `gearlib`.
+    Each dataset must have the variables `names` over the dimension `dim`. `labels` contains a
+    prefix of the legend labels for each dataset; None means direction and damping. Properties that
+    all curves have in common are omitted. Error messages name `caller`, a function of
+    `gearlib.plot`, and `source`, a function of `gearlib`.
     """
-    # Without datasets, None makes `require_variables` raise an error that names the missing
-    # variable.
+    # If there are no datasets, pass None to raise an error that names the missing variable.
     for dataset in datasets or [None]:
         require_variables(caller, dataset, names, source, dim)
     if labels is not None:
-        allowed = f"{len(datasets)} texts, one for each dataset"
+        allowed = f"{len(datasets)} strings, one for each dataset"
         texts = [text for text in checks.check_sequence("labels", labels) if isinstance(text, str)]
         checks.require(len(texts) == len(labels) == len(datasets), "labels", labels, allowed)
     data, properties = [], []
     for i, dataset in enumerate(datasets):
-        origin = _sweep_properties(dataset) if labels is None else {"label": labels[i]}
+        common = _sweep_properties(dataset) if labels is None else {"label": labels[i]}
         dims = [dim for dim in CURVE_DIMENSIONS if dim in dataset[names[0]].dims]
         for values in product(*(dataset[dim].values for dim in dims)):
             data.append(dataset.sel(dict(zip(dims, values, strict=True))))
-            properties.append(origin | dict(zip(dims, map(str, values), strict=True)))
+            properties.append(common | dict(zip(dims, map(str, values), strict=True)))
     all_names = {name for curve in properties for name in curve}
-    # Properties with one value for all curves are left out of labels and styles.
-    common = {
+    # Properties with the same value for all curves do not affect labels and styles.
+    constant_names = {
         name
         for name in all_names - {"label"}
         if len({curve.get(name) for curve in properties}) == 1
     }
-    distinct = [
-        {name: value for name, value in curve.items() if name not in common} for curve in properties
+    varying = [
+        {name: value for name, value in curve.items() if name not in constant_names}
+        for curve in properties
     ]
-    return [*map(Curve, data, map(_legend_label, distinct), _curve_styles(distinct))]
+    return [*map(Curve, data, map(_legend_label, varying), _curve_styles(varying))]
 
 
 def _sweep_properties(dataset: xr.Dataset) -> dict[str, str]:
-    """Return the direction of a sweep and its damping as a dict, as far as the dataset states them.
+    """Return the direction and the damping of a sweep as a dict, if the dataset contains them.
 
     The direction is an argument of the run, stored as JSON in the attribute "parameters".
     """
     parameters = json.loads(dataset.attrs.get("parameters", "{}"))
-    origin = {}
+    properties = {}
     if "direction" in parameters:
-        origin["direction"] = parameters["direction"]
+        properties["direction"] = parameters["direction"]
     if "damping" in dataset.coords and not dataset.damping.ndim:
-        origin["damping"] = str(dataset.damping.item())
-    return origin
+        properties["damping"] = str(dataset.damping.item())
+    return properties
 
 
 def _legend_label(properties: dict[str, str]) -> str:
-    """Return the legend label of a curve: damping, direction and so on, joined by commas."""
+    """Join the properties of a curve (damping, direction etc.) to a legend label."""
     if properties.get("direction") in DIRECTION_LABELS:
         properties = properties | {"direction": DIRECTION_LABELS[properties["direction"]]}
     return ", ".join(map(style.typeset_dampings, properties.values()))
 
 
 def _curve_styles(properties: list[dict[str, str]]) -> Iterator[CurveStyle]:
-    """Yield a style for each curve: directions differ in dashes, other properties in colour.
+    """Yield a style for each curve: directions differ in line style, other properties in colour.
 
-    `properties` has a dict for each curve, such as {"damping": "k1", "direction": "up"}. If the
-    curves differ in their direction only, the directions also differ in colour.
+    `properties` contains a dict for each curve, e.g. {"damping": "k1", "direction": "up"}. If
+    curves only differ in direction, the directions also differ in colour.
     """
     colour_keys = []
     for curve in properties:
@@ -116,23 +116,23 @@ def _curve_styles(properties: list[dict[str, str]]) -> Iterator[CurveStyle]:
         colour_keys = [tuple(curve.values()) for curve in properties]
     styles = style.curve_styles(list(dict.fromkeys(colour_keys)))
     for colour_key, curve in zip(colour_keys, properties, strict=True):
-        default = styles[colour_key]
-        line_and_marker = default.line_style, default.marker
+        default_style = styles[colour_key]
+        line_style, marker = default_style.line_style, default_style.marker
         if curve.get("direction") in WARM_STARTED_STYLES:
-            line_and_marker = WARM_STARTED_STYLES[curve["direction"]]
-        yield CurveStyle(default.colour, *line_and_marker)
+            line_style, marker = WARM_STARTED_STYLES[curve["direction"]]
+        yield CurveStyle(default_style.colour, line_style, marker)
 
 
 def get_axes(axes: Axes | None) -> Axes:
     """Return `axes`, or the axes of a new pyplot figure if it is None.
 
-    Raise an `InputError` if `axes` are no axes of matplotlib.
+    Raise an `InputError` if `axes` are not matplotlib axes.
     """
     from matplotlib import pyplot
 
     if axes is None:
         return pyplot.figure(figsize=(5.4, 3.6), layout="constrained").add_subplot()
-    allowed = "axes of matplotlib, such as pyplot.figure().add_subplot(), or None"
+    allowed = "matplotlib axes, such as pyplot.figure().add_subplot(), or None"
     checks.require(isinstance(axes, Axes), "axes", axes, allowed)
     return axes
 
@@ -152,10 +152,10 @@ def have_si_units(curves: list[Curve]) -> bool:
 
 
 def add_si_axis(axes: Axes, curves: list[Curve], variable: str, side: str):
-    """Add a second scale, in SI units, for a dimensionless variable on the side "top" or "right".
+    """Add a secondary axis in SI units for a dimensionless variable, at the "top" or "right".
 
-    `SI_SCALES` names the variable that has its factor to SI units. Nothing is added unless this
-    factor is known and the same for all curves.
+    `SI_SCALES` contains the names of the scale factors. Nothing is added unless the factor is
+    known and the same for all curves.
     """
     name = SI_SCALES.get(variable, "")
     factor = common_scalar(curves, name)
@@ -171,7 +171,7 @@ def add_si_axis(axes: Axes, curves: list[Curve], variable: str, side: str):
 def shade_lost_contact(axes: Axes, curves: list[Curve], direction: str):
     """Shade the displacements without drive-side contact if all curves have the same backlash.
 
-    `direction` is the axis of displacement, "x" or "y". The axis limits do not change.
+    `direction` is the displacement axis, "x" or "y". The axis limits do not change.
     """
     backlash = common_scalar(curves, "backlash_ratio")
     if backlash is not None:

@@ -1,10 +1,11 @@
-"""Resonance characteristics: Fig. 3, and the characteristics of nonlinear damping.
+"""Resonance characteristics: Fig. 3, and the effect of nonlinear damping.
 
-Fig. 3 shows the largest and smallest displacement over the tuning. Its upper part is the paper's
-figure with three scales of tuning and a scale of speed. Its lower part has a panel for each damping
-with the sweeps from rest, up and down, which show the hysteresis.
+Fig. 3 shows the largest and smallest displacement over the tuning. The upper part is the figure of
+the paper, with three axes for the tuning and one for the speed. The lower part has one panel for
+each damping with the sweeps from rest, up and down, which show the hysteresis.
 """
 
+import math
 import textwrap
 
 import numpy as np
@@ -18,7 +19,7 @@ from gearlib.figures.plot_curves import DIRECTION_LABELS, WARM_STARTED_STYLES
 
 EXTREMA, FORCE = ("displacement_max", "displacement_min"), ("dynamic_force_max",)
 EXTREMA_LABEL = "displacement $y_\\mathrm{max}$, $y_\\mathrm{min}$\n(static deflections)"
-#: Fraction of the values to show if no motion has settled.
+#: Fraction of all values that is shown if no motion has settled.
 SHOWN_FRACTION = 0.95
 #: Number of markers along a line.
 MARKER_COUNT = 14
@@ -32,16 +33,20 @@ _MAIN_HEIGHT, _PANEL_HEIGHT, _LEGEND_HEIGHT, _COLUMNS = 5.1, 1.6, 0.4, 2
 def draw_resonance(
     resonance, *, colours=None, labels=(), branches=(), tongues=None, measured=(), forces=False
 ):
-    """Return a figure of resonance characteristics, above a panel for each damping.
+    """Return a figure of resonance characteristics, above one panel for each damping.
 
-    A characteristic is the motion's largest and smallest displacement over the tuning (mesh
-    frequency over natural frequency). `resonance` is a dataset over (damping, direction, tuning);
-    `colours` maps names of damping combinations to colours. Further data are optional. `labels` and
-    `branches` have a dataset for each damping: the kinds of motion by `gearlib.analysis.trust`,
-    drawn as a strip of colours, and branches of periodic orbits, drawn as thin lines. Instability
-    `tongues` (tuning intervals) are drawn as shades, `measured` curves as points. With `forces`
-    there is a panel of mesh forces, and the limits of displacement leave out coast-side contact.
-    Lines show settled (periodic) motions, markers other motions, carets values beyond the limits.
+    A characteristic is the largest and smallest displacement over the tuning (mesh frequency over
+    natural frequency). Lines are settled (periodic) motions, markers other motions, carets values
+    beyond the axis limits. `resonance` is a dataset over (damping, direction, tuning); `colours`
+    maps names of damping combinations to colours. Optional data:
+
+    - `labels`: datasets, one per damping, with the kinds of motion, drawn as a strip of colours;
+    - `branches`: datasets, one per damping, with branches of periodic orbits, drawn as thin lines;
+    - `tongues`: tuning intervals of instability, drawn as shades;
+    - `measured`: measured curves, drawn as points.
+
+    If `forces` is true, a panel of mesh forces is added, and the displacement limits do not include
+    coast-side contact.
     """
     resonance = resonance.sortby("tuning")
     from_rest = sweeps_from_rest(resonance)
@@ -49,7 +54,7 @@ def draw_resonance(
     other_directions = [name for name in resonance.direction.values if name != from_rest.direction]
     with_panels = bool(other_directions or labels or branches or tongues is not None)
     columns = min(_COLUMNS, len(curve_styles))
-    rows = -(-len(curve_styles) // columns)  # rounded up
+    rows = math.ceil(len(curve_styles) / columns)
     heights = [_MAIN_HEIGHT + _PANEL_HEIGHT * forces, _PANEL_HEIGHT * rows + _LEGEND_HEIGHT]
     figure = style.page_figure(sum(heights[: 1 + with_panels]))
     upper_area = lower_area = figure
@@ -82,19 +87,19 @@ def draw_resonance(
 def sweeps_from_rest(resonance: xr.Dataset) -> xr.Dataset:
     """Return the sweeps whose runs start from rest (direction "cold").
 
-    Return the sweeps of the first direction if none start from rest.
+    If there are none, return the sweeps of the first direction.
     """
     directions = resonance.direction.values
     return resonance.sel(direction="cold" if "cold" in directions else directions[0])
 
 
 def visible_range(sweeps: xr.Dataset, names: tuple, max_overshoot=1.0) -> tuple[float, float]:
-    """Return the range (lower, upper) of values to show of the variables `names` of sweeps.
+    """Return the range (lower, upper) of the variables `names` of sweeps that a figure should show.
 
     The range includes 0 and all settled (periodic) motions, whose period is above 0. Other motions
-    are included if they exceed this range by at most `max_overshoot` times its width, because large
-    motions of undamped meshes never settle. If no motion has settled, the range includes the
-    fraction `SHOWN_FRACTION` of all values.
+    are included if they exceed this range by at most `max_overshoot` times its width; large motions
+    of undamped gears never settle. If no motion has settled, the range includes the fraction
+    `SHOWN_FRACTION` of all values.
     """
     values = np.concatenate([sweeps[name].values.ravel() for name in names])
     is_settled = np.tile(sweeps.period.values.ravel() > 0, len(names))[np.isfinite(values)]
@@ -111,11 +116,11 @@ def visible_range(sweeps: xr.Dataset, names: tuple, max_overshoot=1.0) -> tuple[
 def _displacement_limits(
     sweeps: xr.Dataset, coast_side: bool, max_overshoot=1.0
 ) -> tuple[float, float]:
-    """Return axis limits of the displacement in sweeps.
+    """Return the axis limits of the displacement in sweeps.
 
-    With `coast_side` they include the displacement at which the coast-side flanks touch, unless it
-    is far from all displacements. Motions that are not periodic are included if they exceed the
-    range of the periodic ones by at most `max_overshoot` times this range.
+    If `coast_side` is true, they include the displacement at which the coast-side flanks touch,
+    unless it is far from all displacements. Motions that are not periodic are included if they
+    exceed the range of the periodic ones by at most `max_overshoot` times this range.
     """
     low, high = visible_range(sweeps, EXTREMA, max_overshoot)
     backlash = float(sweeps.backlash_ratio)
@@ -128,8 +133,8 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
     """Draw the displacement extrema of sweeps for all damping combinations, with measured curves.
 
     They are drawn over the tuning (mesh frequency over natural frequency). `curve_styles` maps
-    names of damping combinations to styles. With `coast_side` the limits include the displacement
-    at which the coast-side flanks touch.
+    names of damping combinations to styles. If `coast_side` is true, the limits include the
+    displacement at which the coast-side flanks touch.
     """
     axes.set_xlim(style.axis_limits(sweeps.tuning.values, margin=0.01))
     axes.set_ylim(_displacement_limits(sweeps, coast_side))
@@ -145,11 +150,11 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
     )
     if (sweeps.period.values == 0).any():
         handles.append(style.legend_handle("not settled", "0.3", "none", ".", markersize=3))
-    # Undamped motions fill the whole panel, so that the legend is below it.
+    # Undamped motions fill the whole panel, so the legend is placed below.
     style.add_legend(axes.figure, handles, columns=len(handles))
     axes.set(xlabel=style.TUNING_LABEL, ylabel=EXTREMA_LABEL)
-    # Three scales lie above the panel, at positions relative to its height: the tunings relative to
-    # the largest and the smallest stiffness, and the speed.
+    # Three secondary axes are above the panel: the tunings with the natural frequencies at maximum
+    # and minimum stiffness, and the speed. Positions are relative to the height of the panel.
     for extremum, position in (("max", 1.0), ("min", 1.115)):
         factor = float(sweeps[f"tuning_factor_{extremum}"])
         label = f"tuning $\\nu_\\mathrm{{{extremum}}}$"
@@ -163,8 +168,8 @@ def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
     """Draw the largest mesh forces of sweeps for all damping combinations, with measured forces.
 
     They are drawn over the tuning (mesh frequency over natural frequency). `curve_styles` maps
-    names of damping combinations to styles. The title, the start of the dataset's comment, warns if
-    forces jump with the stiffness, because no dynamic factor K_v follows from them.
+    names of damping combinations to styles. If forces jump with the stiffness, the title warns that
+    no dynamic factor K_v can be derived; it is the beginning of the comment of the dataset.
     """
     axes.set_ylim(0.0, 1.05 * visible_range(sweeps, FORCE)[1])
     _draw_dampings(axes, sweeps, curve_styles, FORCE)
@@ -177,7 +182,7 @@ def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
 
 
 def _draw_dampings(axes, sweeps: xr.Dataset, curve_styles: dict, names: tuple, width=1.0):
-    """Draw the variables `names` of sweeps over the tuning, a curve for each damping combination.
+    """Draw the variables `names` of sweeps over the tuning, one curve for each damping combination.
 
     The tuning is the mesh frequency over the natural frequency. `curve_styles` maps names of
     damping combinations to styles; `width` is the line width in points.
@@ -189,7 +194,7 @@ def _draw_dampings(axes, sweeps: xr.Dataset, curve_styles: dict, names: tuple, w
 
 
 def _find_damping(datasets, damping: str) -> xr.Dataset | None:
-    """Return the first of the datasets that has the damping combination `damping`, or None."""
+    """Return the first of the datasets with the damping combination `damping`, or None."""
     return next((data for data in datasets if data.damping == damping), None)
 
 
@@ -223,9 +228,9 @@ def _draw_panel(axes, sweeps: xr.Dataset, curve_style: style.CurveStyle, motion_
 
 
 def _shade_tongues(axes, tongues: xr.Dataset):
-    """Shade the instability tongues: intervals of tuning with parametric resonance.
+    """Shade the instability tongues, i.e. tuning intervals with parametric resonance.
 
-    The tuning is the mesh frequency over the natural frequency. Empty tongues are left out.
+    The tuning is the mesh frequency over the natural frequency. Empty tongues are skipped.
     """
     for low, high in zip(tongues.tuning_from.values, tongues.tuning_to.values, strict=True):
         if low < high:
@@ -233,12 +238,12 @@ def _shade_tongues(axes, tongues: xr.Dataset):
 
 
 def _legend_handles(from_rest, other_directions: list[str], motion_kinds, branches, tongues):
-    """Return the legend handles that the panels of all damping combinations share.
+    """Return the legend handles that are common to the panels of all damping combinations.
 
-    `from_rest` are the sweeps drawn with broad lines, `other_directions` the directions of the
-    other sweeps. `motion_kinds` (classified motions from rest, with a code `label`) and `branches`
-    of periodic orbits are sequences of datasets, which may be empty; `tongues` (intervals of tuning
-    with parametric resonance) are a dataset or None.
+    `from_rest` are the sweeps drawn as broad lines, `other_directions` the directions of the other
+    sweeps. `motion_kinds` (motions from rest, classified by a code `label`) and `branches` of
+    periodic orbits are sequences of datasets, which may be empty; `tongues` (tuning intervals with
+    parametric resonance) is a dataset or None.
     """
     label = DIRECTION_LABELS[from_rest.direction.item()]
     handles = [style.legend_handle(label, FROM_REST_COLOUR, linewidth=3.0)]
@@ -247,7 +252,9 @@ def _legend_handles(from_rest, other_directions: list[str], motion_kinds, branch
         handles.append(style.legend_handle(DIRECTION_LABELS[name], "black", *dashes_and_marker))
     if branches:
         handles.append(style.legend_handle("stable orbit", linewidth=0.7))
-        handles.append(style.legend_handle("unstable orbit", line=style.DASHED, linewidth=0.7))
+        handles.append(
+            style.legend_handle("unstable orbit", line_style=style.DASHED, linewidth=0.7)
+        )
     codes = {code for data in motion_kinds for code in data.label.values}
     handles += [
         Patch(facecolor=colour, label=f"from rest: {name}")
@@ -262,10 +269,10 @@ def _legend_handles(from_rest, other_directions: list[str], motion_kinds, branch
 def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=1.0, label=None):
     """Draw the variables `names` of one sweep over the tuning, within the limits of the axes.
 
-    The tuning is the mesh frequency over the natural frequency. Settled (periodic) motions have a
-    line, other motions have markers alone, values beyond the limits have carets at the limits.
-    `marker_shift`, from 0 to 1, moves the markers along the line, so that they do not cover the
-    markers of other curves. `width` is the line width in points, `label` the legend label.
+    The tuning is the mesh frequency over the natural frequency. Settled (periodic) motions are
+    drawn as a line, other motions as markers only, values beyond the limits as carets at the
+    limits. `marker_shift`, from 0 to 1, moves the markers along the line, so that they do not hide
+    those of other curves. `width` is the line width in points, `label` the legend label.
     """
     tuning = sweep.tuning.values
     low, high = axes.get_ylim()
@@ -273,8 +280,8 @@ def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=
     for name in names:
         values = sweep[name].values
         is_inside = (values >= low) & (values <= high)
-        # A line connects settled motions (period above 0) that are neighbours. The padding lets the
-        # first and last tuning have neighbours, too.
+        # A line connects adjacent settled motions (period above 0). The array is padded, so that
+        # the first and the last tuning also have two neighbours.
         is_settled = np.pad(is_inside & (sweep.period.values > 0), 1)
         has_line = is_settled[1:-1] & (is_settled[:-2] | is_settled[2:])
         line = {
@@ -302,10 +309,10 @@ def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     """Return a figure of the resonance characteristics of several gear pairs.
 
     A characteristic is the largest and smallest displacement, or the largest mesh force, over the
-    tuning (mesh frequency over natural frequency). `curves` has the sweeps of each pair, over
-    (damping, direction, tuning), `labels` the names of the pairs. Displacements are drawn in
-    micrometres, forces in static loads. Each pair has its colour, each damping combination its
-    dashes.
+    tuning (mesh frequency over natural frequency). `curves` contains the sweeps of each pair, over
+    (damping, direction, tuning), and `labels` the names of the pairs. Displacements are in
+    micrometres, forces in units of the static load. Each pair has a colour, each damping
+    combination a line style.
     """
     figure = style.page_figure(height=6.0)
     displacement_axes, force_axes = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
@@ -331,23 +338,23 @@ def draw_cases(curves: list[xr.Dataset], labels: list[str]):
 
 
 def _convert_to_micrometres(sweeps: xr.Dataset) -> xr.Dataset:
-    """Return sweeps with displacements in micrometres instead of static deflections."""
+    """Convert the displacements of sweeps from static deflections to micrometres."""
     micrometres = 1e6 * sweeps.static_deflection
     return sweeps.assign({name: micrometres * sweeps[name] for name in EXTREMA})
 
 
-#: Height of a panel with the height ratio 1, inches.
+#: Height of a panel with a height ratio of 1, inches.
 _UNIT_HEIGHT = 2.3
 
 
 @style.rc_context()
 def draw_nonlinear_damping(studies: list[xr.Dataset]):
-    """Return a figure of nonlinear damping: resonance sweeps above, phase planes below.
+    """Return a figure of nonlinear damping: resonance sweeps above phase planes.
 
     `studies` are results of `gearlib.studies.nonlinear_damping.compute_damping_study`, one for each
-    power of the velocity in the damping force, and each location (`place`) of the damping,
-    "material" or "oil". Each location has a column, each of the tunings `shown` (mesh frequency
-    over natural frequency) a row of phase planes.
+    power of the velocity in the damping force and each location of the damping (`place`),
+    "material" or "oil". Each location is one column; each of the tunings `shown` (mesh frequency
+    over natural frequency) is one row of phase planes.
     """
     damping_locations = list(dict.fromkeys(study.place.item() for study in studies))
     tunings = studies[0].shown.values
@@ -368,7 +375,7 @@ def draw_nonlinear_damping(studies: list[xr.Dataset]):
     grid[0, 0].set_ylabel("$y_\\mathrm{max}$, $y_\\mathrm{min}$ (static defl.)")
     for axes in grid[1:, 0]:
         axes.set_ylabel(style.VELOCITY_LABEL)
-    # Shades must not change the limits, which are automatic up to here.
+    # Fix the automatic limits, so that shades do not change them.
     grid[0, 0].set_ylim(grid[0, 0].get_ylim())
     for axes in grid[0]:
         style.shade_lost_contact(axes, float(studies[0].backlash_ratio), "y")
@@ -381,13 +388,13 @@ def _draw_extrema(axes, data: xr.Dataset, styles: dict[str, dict]):
     """Draw the displacement extrema of sweeps up (thin) and down (thick, pale) over the tuning.
 
     The tuning is the mesh frequency over the natural frequency. `styles` maps each power of the
-    velocity in the damping force to plot options of its curve.
+    velocity in the damping force to options of `Axes.plot`.
     """
     pale = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.3}
     for direction, options in (("down", pale), ("up", {"linewidth": 0.8})):
         for name in EXTREMA:
             sweep = data.sel(direction=direction)
-            curve_options = {"colour": "power", "styles": styles} | options
+            curve_options = {"colour_dim": "power", "styles": styles} | options
             panels.draw_curves(axes, sweep, "tuning", name, **curve_options)
     axes.set(title=f"damping of the {data.place.item()} only", ylabel="")
     axes.set_xlim(data.tuning[0], data.tuning[-1])
@@ -395,11 +402,11 @@ def _draw_extrema(axes, data: xr.Dataset, styles: dict[str, dict]):
 
 
 def _draw_phase_planes(axes, data: xr.Dataset, styles: dict[str, dict]):
-    """Draw the phase plane (velocity over displacement) of one run per damping power.
+    """Draw the phase plane (velocity over displacement) of one run for each damping power.
 
-    `styles` has plot options for each power of the velocity in the damping force.
+    `styles` maps each power of the velocity in the damping force to options of `Axes.plot`.
     """
-    curve_options = {"colour": "power", "styles": styles, "linewidth": 0.8}
+    curve_options = {"colour_dim": "power", "styles": styles, "linewidth": 0.8}
     panels.draw_curves(axes, data, "displacement", "velocity", **curve_options)
     style.shade_lost_contact(axes, float(data.backlash_ratio[0]), "x")
     axes.set(ylabel="")

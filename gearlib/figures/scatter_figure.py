@@ -24,10 +24,10 @@ _GREY = "#CFCFCF"
 
 @style.rc_context()
 def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[str, Figure]:
-    """Return two figures of the scatter of results due to tolerances, in a dict by name.
+    """Return two figures of the scatter of results due to tolerances, as a dict by name.
 
     `scattered` is a result of `gearlib.scatter`, computed for many random designs. `indices` is a
-    result of `gearlib.sobol_indices` (shares of the parameters in the variance), or None.
+    result of `gearlib.sobol_indices` (contributions of the parameters to the variance), or None.
     """
     return {
         "tolerance_bands": draw_bands(scattered),
@@ -37,12 +37,13 @@ def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[st
 
 @style.rc_context()
 def draw_bands(scattered: xr.Dataset):
-    """Return a figure of the scatter over the speed: quantile bands, and probabilities below.
+    """Return a figure of the scatter over the speed: quantile bands above probabilities.
 
     `scattered` is a result of `gearlib.scatter`, over "tuning" (mesh frequency over natural
-    frequency) or "speed". Its variable height_band has the quantiles 5, 50 and 95 % of the
-    peak-to-peak displacement. The lower panel shows the probability of contact loss, and as an area
-    that of two different motions at one speed. The direction "seeded" means random initial states.
+    frequency) or "speed". Its variable height_band contains the 5 %, 50 % and 95 % quantiles of the
+    peak-to-peak displacement. The lower panel shows the probability of contact loss and, shaded,
+    that of two different motions at the same speed. The direction "seeded" denotes random initial
+    states.
     """
     figure = style.page_figure(_HEIGHT)
     band_axes, probability_axes = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
@@ -53,7 +54,7 @@ def draw_bands(scattered: xr.Dataset):
     handles = []
     for direction, curve_style in curve_styles.items():
         line = {"color": curve_style.colour, "linestyle": curve_style.line_style}
-        # Seeded starts may end on several motions, for which one band would have no meaning.
+        # Random initial states may lead to several motions, for which one band is meaningless.
         if direction != "seeded" or len(curve_styles) == 1:
             low, median, high = band.sel(direction=direction).values / unit_size
             options = {"color": curve_style.colour, "alpha": _BAND_OPACITY, "linewidth": 0}
@@ -81,11 +82,10 @@ def draw_bands(scattered: xr.Dataset):
 
 @style.rc_context()
 def draw_quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
-    """Return a figure of histograms of scattered quantities, with Sobol' indices beside them.
+    """Return a figure of histograms of scattered quantities, with their Sobol' indices if given.
 
     `scattered` is a result of `gearlib.scatter`, computed for many random designs. `indices` is a
-    result of `gearlib.sobol_indices` (share of each parameter in the variance); with None there are
-    no panels of indices.
+    result of `gearlib.sobol_indices` (contributions of the parameters to the variance), or None.
     """
     names = [name for name in QUANTITIES if name in scattered]
     figure = style.page_figure(_ROW_HEIGHT * len(names))
@@ -102,8 +102,7 @@ def draw_quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None)
 def _draw_histogram(axes, scattered: xr.Dataset, name: str):
     """Draw a histogram of the quantity `name` of all random designs, with its nominal value.
 
-    Designs are left out if the status of the quantity is not "ok", for example if it does not
-    exist.
+    Designs are omitted if the status of the quantity is not "ok", e.g. because it does not exist.
     """
     values = scattered[name].values[scattered[f"{name}_status"].values == STATUSES.index("ok")]
     unit, _ = QUANTITIES[name]
@@ -122,10 +121,10 @@ def _draw_histogram(axes, scattered: xr.Dataset, name: str):
 
 
 def _draw_indices(axes, indices: xr.Dataset):
-    """Draw the total and first-order Sobol' indices of all parameters as bars, with intervals.
+    """Draw the total and first-order Sobol' indices of all parameters as bars, with error bars.
 
-    A Sobol' index is the share of a parameter in the variance of the quantity: alone (first order)
-    or together with other parameters (total).
+    A Sobol' index is the contribution of a parameter to the variance of the quantity: alone (first
+    order) or including interactions (total).
     """
     positions = np.arange(indices.sizes["parameter"])
     bar_options = {
@@ -135,7 +134,7 @@ def _draw_indices(axes, indices: xr.Dataset):
     for name, options in bar_options.items():
         values = indices[name].values
         low, high = indices[f"{name}_interval"].values.T
-        # Lengths of error bars must not be negative, as rounding could make them.
+        # Due to rounding, lengths of error bars could become negative, which is not allowed.
         errors = np.clip([values - low, high - values], 0.0, None)
         options |= {"xerr": errors, "error_kw": {"lw": 0.6, "ecolor": "black"}}
         axes.barh(positions, values, height=0.7, **options)

@@ -1,4 +1,4 @@
-"""A gear train seen along its axes: pitch circles, shafts, carriers and labelled meshes."""
+"""Schematic of a gear train seen along its axes: pitch circles, shafts, carriers, meshes."""
 
 import math
 from typing import NamedTuple
@@ -13,44 +13,44 @@ from gearlib import checks, parameters
 from gearlib.figures import style
 from gearlib.parameters import Angle
 
-#: Contact state of `gearlib.engines.codes` -> marker of a mesh, whether it is filled, description.
+#: Contact state -> marker of a mesh, whether it is filled, explanation.
 CONTACTS = {
     1: ("o", True, ""),
     0: ("o", False, "open: out of contact"),
     -1: ("D", True, "diamond: coast-side flanks touch"),
 }
-#: Kind of a circle -> width and dashes of its line.
+#: Kind of circle -> line width and line style.
 CIRCLES = {"gear": (0.7, "-"), "ring": (1.4, "-"), "rotor": (0.5, (0, (3, 2)))}
 GREY, CARRIER_COLOUR, DEFAULT_MESH_COLOUR = "#707070", "#D0D0D0", "#4D4D4D"
-#: Margin, and radius of a shaft, relative to the size of the train.
+#: Margin and radius of a shaft, relative to the size of the train.
 _MARGIN, _SHAFT_RADIUS = 0.06, 0.025
 #: Outer end of the rotation mark of a ring gear, relative to its radius.
 RING_MARK_RADIUS = 1.06
-#: Relative tolerance within which lengths count as equal.
+#: Relative tolerance within which lengths are considered equal.
 SAME_LENGTH = 1e-6
-#: Relative width of a train beside its curves, and height in inches below them.
+#: Relative width of a train beside curves; height of a train below curves, inches.
 _RELATIVE_WIDTH, _HEIGHT_BELOW = 0.3, 1.6
 
 
 class Drawing(NamedTuple):
-    """Circles, lines and points of a train at one phase, in m."""
+    """Circles, lines and points of a gear train at one phase, in m."""
 
     circles: list  #: (x, y, radius, kind of `CIRCLES`)
-    marks: np.ndarray  #: lines that turn with bodies, shape (lines, 2 ends, 2 coordinates)
-    arms: np.ndarray  #: lines from the axis of a carrier to a body on it, shape (lines, 2, 2)
-    shafts: np.ndarray  #: axes on which shafts join bodies, shape (shafts, 2)
+    marks: np.ndarray  #: lines that rotate with bodies, shape (lines, 2 ends, 2 coordinates)
+    arms: np.ndarray  #: lines from a carrier axis to the axes it carries, shape (lines, 2, 2)
+    shafts: np.ndarray  #: positions of shafts, shape (shafts, 2)
     meshes: np.ndarray  #: pitch points, shape (meshes, 2)
 
 
 def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
-    """Return the circles, lines and points of a gear train, turned to a phase of its motion.
+    """Return the circles, lines and points of a gear train at a phase of the reference mesh, rad.
 
-    `phase` is the phase of the reference mesh, rad. `layout` is a result of `GearTrain.layout`. It
-    has the positions, m, of bodies and meshes at phase 0, and angles of rotation per phase:
-    `body_turns` of each body, and `frame_turns`, by which all axes turn about the first one.
+    `layout` is a result of `GearTrain.layout`. It contains the positions of bodies and meshes at
+    phase 0, m, and rotation angles per phase: `body_turns` for each body and `frame_turns` for the
+    rotation of all axes about the first.
     """
     angle = float(layout.frame_turns) * phase
-    # Positions are rows, which this matrix rotates by the angle when it stands on the right.
+    # Positions are row vectors, so the rotation matrix is multiplied from the right.
     rotation = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     positions = np.stack([layout.body_x, layout.body_y], axis=-1) @ rotation
     meshes = np.stack([layout.mesh_x, layout.mesh_y], axis=-1) @ rotation
@@ -61,7 +61,7 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
         x, y = map(float, position_of[name])
         circles += [(x, y, radius, kind) for radius, kind in radii]
         if radii:
-            # A radial line on the largest circle shows the rotation; in a ring gear it is outside.
+            # A radial line shows the rotation. For ring gears it lies outside the circle.
             radius, kind = max(radii)
             end_radii = radius * np.array([1.0, RING_MARK_RADIUS] if kind == "ring" else [0.0, 1.0])
             mark_direction = np.array([math.cos(body_turn * phase), math.sin(body_turn * phase)])
@@ -70,11 +70,10 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     for name, carrier in zip(position_of, map(str, layout.carried_by.values), strict=True):
         if carrier:
             arms.append((position_of[carrier], position_of[name]))
-    # Bodies on one shaft have the same number and position.
+    # All bodies on a shaft have the same shaft number and position; 0 means no shaft.
     shaft_positions = dict(zip(layout.shaft_line.values.tolist(), positions, strict=True))
-    # Number 0 means that a body has no shaft.
-    shafts = [position for number, position in shaft_positions.items() if number]
-    # Empty lists, too, become arrays with these dimensions.
+    shafts = [position for shaft_number, position in shaft_positions.items() if shaft_number]
+    # Empty lists must also become arrays with these dimensions.
     marks, arms = np.reshape(marks, (-1, 2, 2)), np.reshape(arms, (-1, 2, 2))
     return Drawing(circles, marks, arms, np.reshape(shafts, (-1, 2)), meshes)
 
@@ -82,9 +81,9 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
 def body_circles(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
     """Return a dict: name of each body -> its circles, a list of (radius in m, kind).
 
-    `layout` is a result of `GearTrain.layout`. The kind is "gear", "ring" (ring gear) or "rotor"
-    (body without mesh). A gear has a pitch circle for each of its meshes, equal circles once.
-    Carriers have no circles.
+    The kind is "gear", "ring" (ring gear) or "rotor" (body without a mesh). Gears have a pitch
+    circle for each mesh, without duplicates; carriers have none. `layout` is a result of
+    `GearTrain.layout`.
     """
     circles = {str(name): {} for name in layout.body.values}
     for names, pitch_radii in zip(layout.mesh_gear.values, layout.pitch_radius.values, strict=True):
@@ -101,11 +100,11 @@ def body_circles(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
 
 
 def draw_schematic(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, title=()):
-    """Draw a gear train in axes at a phase (rad) of the reference mesh.
+    """Draw a gear train at a phase of the reference mesh, rad.
 
-    `layout` is a result of `GearTrain.layout`. `colours` maps mesh names to colours; with None they
-    come from `style.curve_styles`. `contact` has the contact state of each mesh, 1 (drive side), 0
-    (no contact) or -1 (coast side); with None all meshes are drawn in contact. `title` has the
+    `layout` is a result of `GearTrain.layout`. `colours` maps mesh names to colours; None means
+    those of `style.curve_styles`. `contact` contains the contact state of each mesh: 1 (drive
+    side), 0 (no contact) or -1 (coast side); None means drive-side contact. `title` contains the
     first lines of the title.
     """
     drawing = create_drawing(layout, phase)
@@ -127,23 +126,23 @@ def draw_schematic(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, cont
     if colours is None:
         colours = {name: curve.colour for name, curve in style.curve_styles(names).items()}
     colours = [colours.get(name, DEFAULT_MESH_COLOUR) for name in names]
-    codes = [1] * len(names) if contact is None else [int(code) for code in contact]
-    for colour, (x, y), code in zip(colours, drawing.meshes, codes, strict=True):
-        marker, is_filled, _ = CONTACTS[code]
+    contact_states = [1] * len(names) if contact is None else [int(state) for state in contact]
+    for colour, (x, y), state in zip(colours, drawing.meshes, contact_states, strict=True):
+        marker, is_filled, _ = CONTACTS[state]
         options = {"markerfacecolor": colour if is_filled else "white", "markeredgewidth": 0.9}
         style.draw_markers(axes, [x], [y], marker, colour, 4.0, zorder=5, **options)
     _draw_names(axes, names, drawing.meshes, colours)
     axes.set_axis_off()
     axes.set_title(
-        "\n".join([*title, *contact_notes(layout, codes)]), fontsize=6 if title else None
+        "\n".join([*title, *contact_notes(layout, contact_states)]), fontsize=6 if title else None
     )
 
 
 def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[str]):
-    """Write mesh names left and right of a gear train, with a line from each to its pitch point.
+    """Write mesh names to the left and right of a gear train, with lines to the pitch points.
 
     `points` are the pitch points, shape (meshes, 2); `names` and `colours` have an entry per mesh.
-    A name is written on the side on which its pitch point lies.
+    Each name is written on the side where its pitch point is.
     """
     (left, right), y_limits = axes.get_xlim(), axes.get_ylim()
     axes.autoscale(enable=False)
@@ -151,8 +150,7 @@ def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[
     columns = (left, (-2, 0), "right center", is_left), (right, (2, 0), "left center", ~is_left)
     for x, offset, anchor, mask in columns:
         meshes = [i for i in np.argsort(points[:, 1], kind="stable") if mask[i]]
-        # Names stand at the middles of equal parts of the height, in the order of the points, so
-        # that neither names nor lines cross.
+        # Names are equidistant and in the vertical order of the points, so that lines do not cross.
         heights = np.linspace(*y_limits, 2 * len(meshes) + 1)[1::2]
         for i, y in zip(meshes, heights, strict=True):
             line, colour = np.array([points[i], (x, y)]), colours[i]
@@ -160,37 +158,36 @@ def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[
             style.annotate(axes, names[i], (x, y), offset, anchor, color=colour, fontsize=5.5)
 
 
-def contact_notes(layout: xr.Dataset, codes: list[int]) -> list[str]:
-    """Return text lines that explain contact markers and report inconsistent positions.
+def contact_notes(layout: xr.Dataset, contact_states: list[int]) -> list[str]:
+    """Return lines of text that explain contact markers and report inconsistent positions.
 
-    `codes` are the contact states of the meshes (1 drive side, 0 no contact, -1 coast side), of
-    which the last two need an explanation. The variable misfit of `layout`, a result of
-    `GearTrain.layout`, is the largest difference, m, between positions of one axis that follow from
-    different meshes and shafts.
+    `contact_states` contains 1 (drive side), 0 (no contact) or -1 (coast side) for each mesh.
+    `layout` is a result of `GearTrain.layout`; its variable misfit is the largest difference, m,
+    between positions of the same axis computed along different meshes and shafts.
     """
-    lines = [text for code, (_, _, text) in CONTACTS.items() if text and code in codes]
+    notes = [text for state, (_, _, text) in CONTACTS.items() if text and state in contact_states]
     misfit = float(layout.misfit)
     if misfit > SAME_LENGTH * float(layout.body_radius.max()):
         unit_size, unit = style.length_unit(misfit)
-        lines.append(f"positions given differ by {misfit / unit_size:.3g} {unit}")
-    return lines
+        notes.append(f"positions given differ by {misfit / unit_size:.3g} {unit}")
+    return notes
 
 
 def select_phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
-    """Return a phase, rad, and the contact states of all meshes at this phase, as a pair.
+    """Return the phase to draw, rad, and the contact states of all meshes at this phase.
 
-    Codes are 1 (drive side), 0 (no contact) and -1 (coast side). `run` is a recorded run or a
-    static equilibrium of the train with this `layout`; with None the codes are None. By default the
-    phase is the first one of the record, or 0 without a run. Raise ValueError if the phase is
-    outside the record, the run has failed, or its meshes are not the meshes of `layout`.
+    Contact states are 1 (drive side), 0 (no contact) and -1 (coast side), or None without a run.
+    `run` is a recorded run or a static equilibrium of the train with this `layout`. The default
+    phase is the first recorded phase, or 0 without a run. Raise ValueError if the phase is outside
+    the record, if the run has failed, or if its meshes differ from those of `layout`.
     """
     if run is None:
         phase = 0.0 if phase is None else phase
         return parameters.check("phase", phase, Angle), None
     if "mesh" not in run.coords or not run.mesh.equals(layout.mesh):
-        raise ValueError("mesh of the run is not allowed: its meshes must be those of the train")
+        raise ValueError("run is not allowed: it must have the same meshes as the train")
     if int(run.status):
-        raise ValueError(f"the run has no contacts to show: {run.status.attrs['message']}")
+        raise ValueError(f"run has no contact states to show: {run.status.attrs['message']}")
     if "phase" not in run.contact.dims:
         return float(run.reference_phase), run.contact.values
     start, stop = run.phase.values[[0, -1]]
@@ -202,10 +199,10 @@ def select_phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
 
 @style.rc_context()
 def draw_beside(axes: Axes, train, run=None) -> Axes:
-    """Draw a `GearTrain` on the right of axes that fill a figure; return these axes.
+    """Widen the figure of `axes` and draw a `GearTrain` on its right; return `axes`.
 
-    The figure becomes wider. If `run` is given and has not failed (`status` 0), the markers of the
-    meshes show their contact at its first recorded phase.
+    If `run` is given and has not failed (`status` is 0), the markers of the meshes show the contact
+    states at the first recorded phase.
     """
     grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _RELATIVE_WIDTH, _RELATIVE_WIDTH))
     axes.set_subplotspec(grid[0])
@@ -221,11 +218,11 @@ def draw_beside(axes: Axes, train, run=None) -> Axes:
 
 
 def draw_train(figure: Figure, data: xr.Dataset, colours=None, below=False) -> Figure | SubFigure:
-    """Draw the gear train of a dataset on the right of a figure; return the area that remains.
+    """Draw the gear train of a dataset on the right of a figure; return the remaining area.
 
-    With `below` the figure becomes higher, and the train is drawn below the remaining area. Nothing
-    is drawn if `data` lacks the variables of `GearTrain.layout`. `colours` maps mesh names to
-    colours.
+    If `below` is true, the height of the figure is increased and the train is drawn below. Nothing
+    is drawn if `data` does not contain the variables of `GearTrain.layout`. `colours` maps mesh
+    names to colours.
     """
     if "pitch_radius" not in data:
         return figure

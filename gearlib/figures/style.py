@@ -1,6 +1,6 @@
-"""Style of all figures, and writing of their files: equal data give equal bytes.
+"""Style of all figures, and reproducible output: the same data give the same bytes.
 
-Curves differ in colour (see `gearlib.colours`), and in marker and line style for print in grey.
+Curves differ in colour (see `gearlib.colours`) and, for greyscale prints, in marker and line style.
 """
 
 import math
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from gearlib import colours as colours_of
 from gearlib.data.files import atomic_write
 
-#: Width of a figure, inches: the type area of a page.
+#: Width of a figure, inches: the text width of a page.
 PAGE_WIDTH = 7.2
 
 #: Axis labels that several figures use.
@@ -31,16 +31,16 @@ TUNING_LABEL, OWN_TUNING_LABEL = "tuning $\\nu_s$", "tuning $\\nu$"
 VELOCITY_LABEL = "$dy/d\\tau$ (static defl./rad)"
 DISPLACEMENT_LABEL = "$y$ (static defl.)"
 
-#: Dashes of limits and unstable orbits; dashes of the second of two curves.
+#: Dashes for limits and unstable orbits; dashes for the second of two curves.
 DASHED, LONG_DASHES = (0, (4, 1.5)), (0, (5, 1.5))
 
-#: Shades of the areas without drive-side contact; the area of drive-side contact stays white.
+#: Shades of areas without drive-side contact; the area of drive-side contact is white.
 AREA_COLOURS = {"no contact": "#EBEBEB", "coast-side contact": "#CFCFCF"}
 
-#: Colours for curves that a figure styles itself; `curve_styles` gives colours to categories.
+#: Colours for individual curves; for categories, use `curve_styles`.
 PALETTE = colours_of.PALETTE
 
-# The first four markers come from the paper, in its order of the damping combinations.
+# The first four markers are those of the paper, in the order of its damping combinations.
 _MARKERS = ("s", "o", "x", "o", "^", "D")
 LINE_STYLES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
@@ -62,25 +62,25 @@ _RC = {
     "ytick.major.width": 0.6,
 }
 
-# Metadata that differ between two runs or versions of matplotlib are left out of files.
+# Metadata that depend on the run or on the version of matplotlib are not written to files.
 _METADATA = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     "svg": {"Date": None, "Creator": None},
 }
 
-#: Largest number of digits of numbers that a user wrote down; computed numbers have more.
-_GIVEN_DIGITS = 10
+#: Largest number of digits of numbers entered by a user; computed numbers have more digits.
+_MAX_INPUT_DIGITS = 10
 
-#: Height of the line that names the gears, inches.
-_GEARS_LINE_HEIGHT = 0.14
-#: Number of characters per inch of this line.
+#: Height of the caption with the name of the gears, inches.
+_CAPTION_HEIGHT = 0.14
+#: Number of characters per inch of this caption.
 _CHARACTERS_PER_INCH = 20.0
 
-#: Decimal places of positions relative to the figure size: a thousandth of a pixel.
+#: Decimal places of positions relative to the figure size; 1e-6 is a thousandth of a pixel.
 _POSITION_DIGITS = 6
 
-#: Smallest span of an axis over its largest magnitude: a smaller span would show rounding errors.
+#: Smallest relative span of an axis; a smaller span would show rounding errors.
 MIN_RELATIVE_SPAN = 0.01
 
 _LENGTH_UNITS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
@@ -91,60 +91,60 @@ class CurveStyle:
     """Colour, line style and marker of one curve."""
 
     colour: str
-    line: str | tuple
+    line_style: str | tuple
     marker: str
 
 
 @contextmanager
 def rc_context():
-    """Apply the matplotlib settings `_RC` inside a `with` block or a decorated function.
+    """Apply the matplotlib settings `_RC` in a `with` block or in a decorated function.
 
-    Afterwards all previous settings are restored, except that matplotlib stays interactive if it
-    has become so inside.
+    Afterwards, the previous settings are restored. However, if interactive mode has been turned on
+    inside, it remains on.
     """
     with matplotlib.style.context(["default", _RC]):
         yield
         interactive = matplotlib.is_interactive()
-    # The context also restores interactive mode, which the first figure of a notebook turns on.
+    # The first figure of a notebook turns on interactive mode, which must not be turned off again.
     matplotlib.interactive(interactive)
 
 
 def curve_styles(names, colours: dict | None = None) -> dict[Any, CurveStyle]:
     """Return a dict: name of each curve -> its `CurveStyle` (colour, line style, marker).
 
-    `colours` maps some of the names to colours. Every other curve gets a colour of its own. It is
-    never a colour that stands for a kind of motion, such as chaotic motion.
+    `colours` maps some of the names to colours. All other curves get different, unused colours, but
+    not those reserved for kinds of motion, such as chaotic motion.
     """
     colours = colours or {}
-    free_colours = colours_of.distinct_colours(colours.values())
+    unused_colours = colours_of.distinct_colours(colours.values())
     styles = {}
-    for name, line, marker in zip(names, cycle(LINE_STYLES), cycle(_MARKERS), strict=False):
-        colour = colours[name] if name in colours else next(free_colours)
-        styles[name] = CurveStyle(colour, line, marker)
+    for name, line_style, marker in zip(names, cycle(LINE_STYLES), cycle(_MARKERS), strict=False):
+        colour = colours[name] if name in colours else next(unused_colours)
+        styles[name] = CurveStyle(colour, line_style, marker)
     return styles
 
 
 def typeset_dampings(name: str) -> str:
-    """Return `name` with the damping coefficients k1 and k1m typeset as LaTeX math."""
+    """Typeset the damping coefficients k1 and k1m in `name` as LaTeX math."""
     return re.sub(r"\bk1(m?)\b", lambda match: f"$k_{{1{match[1]}}}$", name).replace("+", " + ")
 
 
 def has_few_digits(number: float) -> bool:
-    """Return whether a number looks as if a user wrote it: few digits, unlike computed numbers."""
-    return float(f"{number:.{_GIVEN_DIGITS}g}") == number
+    """Return whether a number has few digits, like user input and unlike computed numbers."""
+    return float(f"{number:.{_MAX_INPUT_DIGITS}g}") == number
 
 
 def format_numbers(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[str]:
-    """Return numbers as strings, with enough digits that different numbers have different strings.
+    """Format numbers with so many digits that different numbers have different strings.
 
-    A number that a user wrote, which has few digits, keeps all of them, and gets at least
-    `decimals` digits after the point. A computed number is formatted with `digits` digits and the
-    format character `form`, "g" or "f", or with more digits if strings would be equal. Numbers that
-    agree in ten significant digits count as equal.
+    Numbers with few digits, i.e. user input, keep all digits and are padded to at least `decimals`
+    decimal places. Other numbers are formatted with `digits` digits and the format character `form`
+    ("g" or "f"), or with more digits if strings would be equal otherwise. Numbers are considered
+    equal if they agree to ten significant digits.
     """
     numbers = np.ravel(numbers).tolist()
-    full_texts = [f"{number:.{_GIVEN_DIGITS}g}" for number in numbers]
-    for digit_count in range(digits, _GIVEN_DIGITS + 1):
+    full_texts = [f"{number:.{_MAX_INPUT_DIGITS}g}" for number in numbers]
+    for digit_count in range(digits, _MAX_INPUT_DIGITS + 1):
         texts = []
         for number, full_text in zip(numbers, full_texts, strict=True):
             if has_few_digits(number):
@@ -157,28 +157,29 @@ def format_numbers(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[s
 
 
 def _pad_decimals(text: str, decimals: int) -> str:
-    """Return the string of a number, extended by zeros to at least `decimals` decimal places.
+    """Pad the string of a number with zeros to at least `decimals` decimal places.
 
-    Strings with an exponent, and "inf" and "nan", are returned unchanged.
+    Strings with an exponent, "inf" and "nan" are returned unchanged.
     """
-    whole, _, fraction = text.partition(".")
+    integer_part, _, fraction = text.partition(".")
     if not decimals or re.search("[a-z]", text):
         return text
-    return f"{whole}.{fraction:0<{decimals}}"
+    return f"{integer_part}.{fraction:0<{decimals}}"
 
 
 def length_unit(length: float) -> tuple[float, str]:
-    """Return the most readable unit, from m to nm, for a length in m, as (size in m, name)."""
-    for size, name in _LENGTH_UNITS:
-        if length >= size:
-            return size, name
+    """Return a readable unit from m to nm for a length in m, as (unit size in m, unit name)."""
+    for unit_size, unit_name in _LENGTH_UNITS:
+        if length >= unit_size:
+            return unit_size, unit_name
     return _LENGTH_UNITS[-1]
 
 
 def readable_unit(unit: str, *values: ArrayLike) -> tuple[float, str]:
-    """Return the most readable unit for arrays of values in `unit`, as (size in `unit`, name).
+    """Return a readable unit for arrays of values in `unit`, as (unit size in `unit`, unit name).
 
-    Only m is replaced, by a unit from m to nm that suits the largest magnitude.
+    The unit m is replaced by one from m to nm, depending on the largest magnitude. Other units are
+    returned unchanged.
     """
     if unit != "m":
         return 1.0, unit
@@ -186,10 +187,10 @@ def readable_unit(unit: str, *values: ArrayLike) -> tuple[float, str]:
 
 
 def draw_solid_and_dotted(axes: Axes, x: ArrayLike, y: ArrayLike, is_dotted, **options):
-    """Draw y over x as a solid line, which is dotted where the mask `is_dotted` is true.
+    """Draw y over x as a line that is dotted where the mask `is_dotted` is true, otherwise solid.
 
-    `options` are passed to `Axes.plot`. If both kinds of line occur, only the solid one gets the
-    label, so that the legend has one entry.
+    `options` are passed to `Axes.plot`. A label is used only once, so that the legend has a single
+    entry.
     """
     for mask, dashes in ((~is_dotted, "-"), (is_dotted, ":")):
         if mask.any():
@@ -200,10 +201,10 @@ def draw_solid_and_dotted(axes: Axes, x: ArrayLike, y: ArrayLike, is_dotted, **o
 def shade_lost_contact(axes: Axes, backlash: float, direction: str) -> dict[str, tuple]:
     """Shade the displacements without drive-side contact; return the visible ranges by area.
 
-    `direction` is the axis of displacement, "x" or "y", whose limits must be set. `backlash` is in
-    static deflections and may be infinite. The returned dict has the visible ones of the keys
-    "drive-side contact", "no contact" and "coast-side contact", each with its range (lower, upper)
-    of displacement.
+    `direction` is the displacement axis, "x" or "y", whose limits must be set. `backlash`, in units
+    of the static deflection, may be infinite. The returned dict maps the names of the visible areas
+    ("drive-side contact", "no contact", "coast-side contact") to their displacement ranges (lower,
+    upper).
     """
     lower, upper = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
     # Drive-side contact is above 0, coast-side contact below -backlash.
@@ -221,10 +222,9 @@ def shade_lost_contact(axes: Axes, backlash: float, direction: str) -> dict[str,
 def add_secondary_axis(
     axes: Axes, factor: float, label: str, side="top", position: float | None = None
 ):
-    """Add a labelled scale on the "top" or "right" side, which shows axis values times `factor`.
+    """Add a secondary axis at the "top" or "right", which shows the axis values times `factor`.
 
-    `position` is in axes coordinates (1 at the frame, more outside); by default the scale is on the
-    frame.
+    `position` is in axes coordinates; by default the axis is at the edge of the axes.
     """
     forward_and_inverse = (lambda value: value * factor), (lambda value: value / factor)
     if side == "top":
@@ -234,23 +234,23 @@ def add_secondary_axis(
 
 
 def add_length_axis(axes: Axes, deflection: float, label: str, side="right"):
-    """Add a scale in m, mm, µm or nm for displacements that an axis shows in static deflections.
+    """Add a secondary axis in m, mm, µm or nm to an axis in units of the static deflection.
 
-    `deflection` is the static deflection, m. The unit is appended to the `label`.
+    `deflection` is the static deflection, m. The unit is appended to `label`.
     """
     unit_size, unit = length_unit(deflection)
     add_secondary_axis(axes, deflection / unit_size, f"{label} ({unit})", side)
 
 
 def page_figure(height: float, relative_width=1.0) -> Figure:
-    """Return an empty figure, `height` inches high and `relative_width` page widths wide."""
+    """Create an empty figure; `height` is in inches, `relative_width` in page widths."""
     return Figure((PAGE_WIDTH * relative_width, height), layout="constrained")
 
 
 def panel_figure(count: int, height: float, max_columns=2) -> tuple[Figure, list[Axes]]:
-    """Return a figure with `count` axes, each `height` inches high, and the list of these axes.
+    """Create a figure with `count` panels, each `height` inches high; return figure and axes.
 
-    It is narrower than a page if the axes fill fewer than `max_columns` columns.
+    The figure is narrower than a page if there are fewer panels than `max_columns`.
     """
     columns = min(count, max_columns)
     rows = math.ceil(count / columns)
@@ -258,16 +258,18 @@ def panel_figure(count: int, height: float, max_columns=2) -> tuple[Figure, list
     return figure, [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
 
 
-def legend_handle(label, colour="black", line="-", marker: str | None = None, **options) -> Line2D:
-    """Return a legend handle for a line style, or for a marker alone if `line` is "none"."""
-    return Line2D([], [], color=colour, linestyle=line, marker=marker, label=label, **options)
+def legend_handle(
+    label, colour="black", line_style="-", marker: str | None = None, **options
+) -> Line2D:
+    """Return a legend handle for a line or, if `line_style` is "none", for a marker only."""
+    return Line2D([], [], color=colour, linestyle=line_style, marker=marker, label=label, **options)
 
 
 def add_legend(figure: FigureBase, handles: list | Axes, columns: int, side="lower", **options):
     """Add a legend with `columns` columns below all panels, or above them if `side` is "upper".
 
-    `handles` are lines and patches with labels, or the axes to take them from. `options` are passed
-    to `Figure.legend`.
+    `handles` are labelled lines and patches, or axes that contain them. `options` are passed to
+    `Figure.legend`.
     """
     if isinstance(handles, Axes):
         handles = handles.get_legend_handles_labels()[0]
@@ -275,36 +277,35 @@ def add_legend(figure: FigureBase, handles: list | Axes, columns: int, side="low
 
 
 def draw_category_map(
-    axes: Axes, x: ArrayLike, y: ArrayLike, codes: np.ndarray, colours: list[str]
+    axes: Axes, x: ArrayLike, y: ArrayLike, categories: np.ndarray, colours: list[str]
 ):
-    """Draw integer codes 0, 1, ... over x and y as a map; `colours` has the colour of each code.
+    """Draw a map of categories over x and y; `colours` contains the colour of each category.
 
-    `codes` has the shape (y.size, x.size).
+    `categories` are indices of `colours`, shape (y.size, x.size).
     """
     options = {"cmap": ListedColormap(colours), "shading": "nearest", "rasterized": True}
     norm = BoundaryNorm(np.arange(-0.5, len(colours)), len(colours))
-    axes.pcolormesh(x, y, codes, norm=norm, **options)
+    axes.pcolormesh(x, y, categories, norm=norm, **options)
 
 
 def draw_markers(axes: Axes, x: ArrayLike, y: ArrayLike, marker, colour, size, **options):
-    """Draw markers without a line; `size` is in points, `options` are passed to `Axes.plot`."""
+    """Draw markers without a line; `size` is in points, and `options` are passed to `Axes.plot`."""
     axes.plot(x, y, linestyle="none", marker=marker, color=colour, markersize=size, **options)
 
 
 def white_box(padding: float, opacity: float | None = None) -> dict:
-    """Return the argument `bbox` that puts a text into a white box; `padding` is in text heights.
+    """Return the argument `bbox` for a white box around a text.
 
-    `opacity` is from 0 to 1, by default 1.
+    `padding` is in multiples of the font size; `opacity` is from 0 to 1, by default 1.
     """
     return {"boxstyle": f"round,pad={padding}", "facecolor": "white", "lw": 0, "alpha": opacity}
 
 
 def annotate(axes, text, point, offset=None, anchor="left center", coords="data", **options):
-    """Write a small text at `point`, or at an `offset` (x, y) from it in points of 1/72 inch.
+    """Write a small text at `point`, or at an `offset` (x, y) from it, in points.
 
-    `anchor` is the horizontal and vertical alignment, such as "left center". `coords` are the
-    coordinates of `point`, "data" or another value of `xycoords` in `Axes.annotate`, to which other
-    `options` are passed.
+    `anchor` is the horizontal and vertical alignment. `coords` is the coordinate system of `point`
+    (`xycoords` of `Axes.annotate`), and `options` are passed to `Axes.annotate`.
     """
     ha, va = anchor.split()
     if offset:
@@ -313,11 +314,11 @@ def annotate(axes, text, point, offset=None, anchor="left center", coords="data"
 
 
 def axis_limits(*values: ArrayLike, margin=0.05) -> tuple[float, float]:
-    """Return axis limits (lower, upper) around the finite values of arrays.
+    """Return axis limits (lower, upper) that include all finite values of arrays.
 
-    `margin` is the space on either side, relative to the span of the values. The span counts as at
-    least `MIN_RELATIVE_SPAN` times the largest magnitude, so that rounding errors do not fill the
-    axis. If there are no finite values, or all are zero, the limits are (-1, 1).
+    `margin` is the margin on either side, relative to the span of the values. The span is at least
+    `MIN_RELATIVE_SPAN` times the largest magnitude, so that rounding errors remain invisible. If
+    there are no finite values, or all are zero, the limits are (-1, 1).
     """
     finite_values = np.concatenate([np.ravel(array) for array in values])
     finite_values = finite_values[np.isfinite(finite_values)]
@@ -329,7 +330,7 @@ def axis_limits(*values: ArrayLike, margin=0.05) -> tuple[float, float]:
 
 
 def _widen_limits(axes: Axes):
-    """Widen automatic limits of linear axes so that rounding errors do not fill the panel."""
+    """Widen narrow automatic limits of linear axes, so that rounding errors remain invisible."""
     for name in "xy":
         low, high = getattr(axes, f"get_{name}lim")()
         automatic = getattr(axes, f"get_autoscale{name}_on")()
@@ -339,38 +340,38 @@ def _widen_limits(axes: Axes):
 
 
 def add_missing_package_note(figure: Figure, methods: list[str]):
-    """Write above a figure which `methods` of integration it lacks, because packages are missing.
+    """Write above a figure which integration methods are not shown, because packages are missing.
 
-    The command `make peers`, which the note names, installs these packages.
+    The command `make peers` installs the packages of these `methods`.
     """
     if methods:
-        text = f"not installed, left out: {', '.join(methods)} (make peers)"
+        text = f"not shown, because not installed: {', '.join(methods)} (make peers)"
         # The note is above the panels, because legends lie below them.
         figure.suptitle(text, fontsize=6, x=0.99, ha="right")
 
 
 def add_gear_caption(figure: Figure, name: str):
-    """Write the name of the gears below a figure, which becomes higher to make room for it.
+    """Write the name of the gears below a figure and increase its height accordingly.
 
-    A long name is wrapped into several lines.
+    Long names are wrapped.
     """
     width, height = figure.get_size_inches()
     lines = textwrap.wrap(name, int(_CHARACTERS_PER_INCH * width)) or [""]
-    added_height = _GEARS_LINE_HEIGHT * (1.0 + 0.6 * (len(lines) - 1))
+    added_height = _CAPTION_HEIGHT * (1.0 + 0.6 * (len(lines) - 1))
     figure.set_size_inches(width, height + added_height)
     relative_height = added_height / (height + added_height)
     if figure.get_layout_engine() is None:
         figure.set_layout_engine("constrained")
     figure.get_layout_engine().set(rect=(0.0, relative_height, 1.0, 1.0 - relative_height))  # type: ignore[call-arg]
     options = {"fontsize": 6, "color": "#707070", "ha": "left", "va": "bottom"}
-    offset = 0.2 * _GEARS_LINE_HEIGHT / (height + added_height)
+    offset = 0.2 * _CAPTION_HEIGHT / (height + added_height)
     figure.text(0.01, offset, "\n".join(lines), in_layout=False, **options)
 
 
 def _freeze(figure: Figure):
-    """Run the layout of a figure once, and fix the positions of its axes and texts, rounded.
+    """Apply the layout of a figure, then fix and round the positions of its axes and texts.
 
-    The last digits of the layout's solver differ between processes; without rounding they would
+    The last digits of the layout solver differ between processes; without rounding, they would
     change some pixels of the files.
     """
     for axes in figure.axes:
@@ -378,12 +379,12 @@ def _freeze(figure: Figure):
     if figure.get_layout_engine() is None:
         return
     figure.draw_without_rendering()
-    # Legends must stay above the line that `add_gear_caption` writes below the layout rectangle.
+    # Legends must stay above the caption that `add_gear_caption` writes below the layout rectangle.
     rectangle = figure.get_layout_engine().get()["rect"]
     if rectangle[1]:
         for legend_box in figure.legends:
             legend_box.set_bbox_to_anchor(rectangle, transform=figure.transSubfigure)
-    # With "none" instead of None, matplotlib would draw every file twice.
+    # With "none" instead of None, matplotlib would draw each file twice.
     figure.set_layout_engine(None)
     for axes in figure.axes:
         left, bottom, width, height = axes.get_position(original=True).bounds
@@ -393,7 +394,7 @@ def _freeze(figure: Figure):
 
 
 def save(figure: Figure, path: str | Path):
-    """Write a figure to a .png, .pdf or .svg file, which is replaced in one step when complete.
+    """Write a figure to a .png, .pdf or .svg file; an existing file is replaced atomically.
 
     Raise ValueError if `path` has another suffix.
     """

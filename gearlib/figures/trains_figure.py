@@ -1,12 +1,8 @@
-"""Gear trains over speed: all their meshes, and the Campbell diagram.
+"""Gear trains over speed: force ratios and contact loss of all meshes, Campbell diagrams.
 
-Figures of meshes show force ratios, load sharing and contact loss. Lines show medians over all
-initial states, shades their range, markers sweeps up and down. Curves of meshes with equal motion
-overlap. The lowest row shows the fraction of the initial states whose motion settles, and the
-fraction that reaches the most frequent orbit.
-
-The Campbell diagram shows natural frequencies, orders of the mesh frequencies, and speeds at which
-contact is lost.
+Lines are medians over all initial states, shades are their range, markers show sweeps up and down.
+Curves of meshes with the same motion overlap. The lowest row of panels shows the fraction of
+initial states whose motion settles, and the fraction that leads to the most frequent orbit.
 """
 
 import numpy as np
@@ -18,23 +14,23 @@ from gearlib.data.motions import FRACTION_TOLERANCE, force_ratio
 from gearlib.figures import panels, schematic, style
 
 _SWEPT_MARKERS = {"up": "^", "down": "v"}
-#: Relative difference below which motions count as equal.
+#: Relative difference below which motions are considered equal.
 SAME_MOTION_TOLERANCE = 0.01
-#: Variable -> height of its markers in a panel, marker, label.
+#: Variable -> vertical position of its markers (fraction of the axes), marker, label.
 _SINGLE_BRANCH_MARKERS = {
     "lost_alone_share": (0.03, "s", "contact lost in this branch only"),
     "struck_alone_share": (0.08, "x", "coast-side flank struck in this branch only"),
 }
-#: Height of the lowest row of panels over the height of the other rows.
+#: Height of the lowest row of panels relative to the other rows.
 _SHARE_HEIGHT_RATIO = 0.35
-_MARKERS_ONLY = {"line": "none", "markersize": 3}
+_MARKERS_ONLY = {"line_style": "none", "markersize": 3}
 
 
 @style.rc_context()
 def draw_sweep(curves: xr.Dataset):
     """Return a figure of force ratios and contact loss of all meshes of a train over the speed.
 
-    The force ratio of a mesh is its largest over its static force. `curves` is a result of
+    The force ratio is the largest mesh force divided by the static one. `curves` is a result of
     `gearlib.studies.trains.sweep_train`. The train is drawn beside the curves.
     """
     figure = style.page_figure(height=5.2)
@@ -52,12 +48,12 @@ def draw_sweep(curves: xr.Dataset):
 
 @style.rc_context()
 def draw_reducer(characteristics: xr.Dataset):
-    """Return a figure of force ratios and load sharing in a reducer, with a column for each case.
+    """Return a figure of force ratios and load sharing in a reducer, with one column per case.
 
-    `characteristics` is a result of `gearlib.studies.trains.sweep_reducer`, a train whose parallel
-    branches, of two stages each, share the power. The force ratio of a mesh is its largest over its
-    static force; load sharing is its force over the mean force of the branches. Colours show
-    branches. Curves are over the tuning (mesh frequency over natural frequency).
+    The power of the reducer is split among parallel branches of two stages each. The force ratio is
+    the largest mesh force divided by the static one; load sharing is the mesh force divided by its
+    mean over the branches. Curves are over the tuning (mesh frequency over natural frequency); each
+    branch has a colour. `characteristics` is a result of `gearlib.studies.trains.sweep_reducer`.
     """
     figure = style.page_figure(height=6.8)
     meshes, mesh_branches = characteristics.mesh.values, characteristics.mesh_branch.values
@@ -95,9 +91,9 @@ def draw_reducer(characteristics: xr.Dataset):
 
 
 def _set_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
-    """Add decreasing line widths to the plot options of curves in place; return the options.
+    """Set decreasing line widths, so that overlapping curves remain visible; return `styles`.
 
-    Curves that overlap are then all visible. `styles` maps curves to options of `Axes.plot`.
+    `styles` maps curves to options of `Axes.plot`, which are changed in place.
     """
     for options, width in zip(styles.values(), np.linspace(3.0, 0.8, len(styles)), strict=True):
         options |= {"linestyle": "-", "linewidth": width}
@@ -105,15 +101,15 @@ def _set_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
 
 
 def _common_legend_handles() -> list:
-    """Return the legend handles that the figures of all gear trains share.
+    """Return the legend handles that are common to all figures of gear trains.
 
-    They explain markers (motions of sweeps up and down that lie outside the range over all initial
-    states), the shade of this range, and the lowest row of panels.
+    They explain the markers (sweeps up and down outside the range of all initial states), the shade
+    of this range, and the lowest row of panels.
     """
     options = {"mfc": "none", **_MARKERS_ONLY}
     handles = []
     for direction, marker in _SWEPT_MARKERS.items():
-        label = f"speed {direction}, where it differs"
+        label = f"speed {direction}, if different"
         handles.append(style.legend_handle(label, marker=marker, **options))
     handles.append(Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"))
     handles.append(Patch(color="0.8", label="share of the starts that settle"))
@@ -122,12 +118,12 @@ def _common_legend_handles() -> list:
 
 
 def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -> np.ndarray:
-    """Draw a column of panels for each case of a gear train; return the array of axes.
+    """Draw one column of panels for each case of a gear train; return the array of axes.
 
-    `x` is the name of the variable on the horizontal axes, "speed" or "tuning" (mesh frequency over
-    natural frequency). `rows` has a pair for each row: a variable name, and a dict with the plot
-    options of each mesh. An additional last row shows the share of initial states whose motion
-    becomes periodic, and the share that reaches the most frequent orbit.
+    `x` is the variable on the horizontal axes, "speed" or "tuning" (mesh frequency over natural
+    frequency). `rows` has a pair for each row: a variable name and a dict with the plot options of
+    each mesh. An additional last row shows the fraction of initial states whose motion becomes
+    periodic, and the fraction that leads to the most frequent orbit.
     """
     height_ratios = [1.0] * len(rows) + [_SHARE_HEIGHT_RATIO]
     options = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": height_ratios}
@@ -148,13 +144,13 @@ def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -
 
 
 def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, dict]):
-    """Draw the variable `name` of all meshes over the variable `x`, and ranges over initial states.
+    """Draw the variable `name` of all meshes over the variable `x`, with the range of all starts.
 
-    Lines show motions from rest (direction "cold"). Markers show sweeps up and down where they lie
-    outside the range. `styles` has the plot options of each mesh by name.
+    Lines show motions from rest (direction "cold"), shades the range over all initial states.
+    Markers show sweeps up and down outside this range. `styles` maps meshes to plot options.
     """
     from_rest = case.sel(direction="cold")
-    panels.draw_curves(axes, from_rest, x, name, colour="mesh", styles=styles)
+    panels.draw_curves(axes, from_rest, x, name, colour_dim="mesh", styles=styles)
     for mesh, curve_options in styles.items():
         low, high = (from_rest[f"{name}_{end}"].sel(mesh=mesh) for end in ("low", "high"))
         options = {"color": curve_options["color"], "alpha": 0.25, "linewidth": 0.0}
@@ -166,16 +162,16 @@ def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, di
         is_outside = excess > SAME_MOTION_TOLERANCE * abs(from_rest[name])
         options = {"marker": marker, "linestyle": "none", "mfc": "none", "markersize": 2.2}
         data = case[[x]].assign({name: values.where(is_outside)})
-        panels.draw_curves(axes, data, x, name, colour="mesh", styles=styles, **options)
+        panels.draw_curves(axes, data, x, name, colour_dim="mesh", styles=styles, **options)
     axes.grid(linewidth=0.3, color="0.85")
 
 
 def _mark_single_branches(axes, case: xr.Dataset):
-    """Mark tunings at which only one branch of a reducer loses contact, or strikes its coast side.
+    """Mark tunings at which only one branch of a reducer loses contact or has coast-side impacts.
 
-    Branches are the parallel paths of power; the tuning is the mesh frequency over the natural
-    frequency. The variables of `case` are fractions of the initial states from which this happens
-    in a branch, stored under the direction "cold". A tuning is marked if the fraction is 1.
+    Branches are parallel power paths; the tuning is the mesh frequency over the natural frequency.
+    A tuning is marked if this happens for all initial states. `case` contains the corresponding
+    fractions of the initial states, stored for the direction "cold".
     """
     styles = style.curve_styles(case.branch.values.tolist())
     for name, (height, marker, _) in _SINGLE_BRANCH_MARKERS.items():
@@ -189,7 +185,7 @@ def _mark_single_branches(axes, case: xr.Dataset):
 
 _MODE_COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}
 _OTHER_MODE_COLOUR, _LOST_CONTACT_COLOUR = "0.5", "#F0E442"
-#: Whether the meshes excite the mode at an intersection -> name, face colour and marker size.
+#: Whether the meshes excite the mode at an intersection -> label, face colour and marker size.
 _INTERSECTIONS = {True: ("excited", "black", 3.5), False: ("not excited", "white", 2.5)}
 
 
@@ -197,19 +193,19 @@ _INTERSECTIONS = {True: ("excited", "black", 3.5), False: ("not excited", "white
 def draw_campbell(diagram: xr.Dataset):
     """Return a Campbell diagram (natural and mesh frequencies over speed) of a gear train.
 
-    `diagram` is a result of `gearlib.studies.trains.compute_campbell_diagram`; `mesh_rate` is the
-    ratio of each mesh frequency to the frequency of the reference mesh. Speeds at which a mesh
-    loses contact in a sweep are marked by a broad line behind its mesh frequency. The train is
-    drawn beside the diagram.
+    A broad line behind a mesh frequency marks the speeds at which this mesh loses contact in a
+    sweep. The train is drawn next to the diagram. `diagram` is a result of
+    `gearlib.studies.trains.compute_campbell_diagram`; its variable mesh_rate is the mesh frequency
+    relative to that of the reference mesh.
     """
     figure = style.page_figure(height=4.2)
-    # `draw_train` draws the train and returns the rest of the figure.
+    # `draw_train` returns the remaining area of the figure.
     axes = schematic.draw_train(figure, diagram, colours={}).add_subplot()
     speed = diagram.speed.values
     handles = draw_orders(axes, diagram, speed[-1])
-    # The suffix "high" means the largest value over several initial states.
+    # The suffix "high" denotes the largest value over several initial states.
     loses_contact = diagram.contact_loss_fraction_high.max("direction") > FRACTION_TOLERANCE
-    # A marked speed stands for the interval of one step of the sweep.
+    # Each marked speed represents an interval of one step of the sweep.
     half_step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
     for mesh in diagram.mesh.values:
         relative_frequency = float(diagram.mesh_rate.sel(mesh=mesh))
@@ -228,10 +224,10 @@ def draw_campbell(diagram: xr.Dataset):
 
 
 def mesh_frequency_per_speed(diagram: xr.Dataset) -> float:
-    """Return the frequency of the reference mesh at 1 rpm of its pinion, in kHz.
+    """Return the frequency of the reference mesh, kHz, at a pinion speed of 1 rpm.
 
-    At a critical speed, the natural frequency equals an order times the mesh frequency, so that the
-    first mode and the first order suffice.
+    It is computed from the first mode and the first order: at a critical speed, the natural
+    frequency is equal to the order times the mesh frequency.
     """
     order = float(diagram.stiffness_order[0])
     # The factor 1e-3 converts Hz to kHz.
@@ -239,13 +235,12 @@ def mesh_frequency_per_speed(diagram: xr.Dataset) -> float:
 
 
 def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
-    """Draw natural frequencies, lines of mesh frequencies and their intersections over the speed.
+    """Draw the natural frequencies and orders of a Campbell diagram; return legend handles.
 
-    Return legend handles. `diagram` is a result of
-    `gearlib.studies.trains.compute_campbell_diagram` or `GearTrain.campbell`; `stop` is the upper
-    limit of the speed, rpm. An order is the ratio of an exciting frequency to the frequency of the
-    reference mesh. Mesh frequencies are solid, their multiples dashed lines. Filled circles are
-    intersections at which the meshes excite the mode.
+    An order is the ratio of an excitation frequency to the frequency of the reference mesh. Mesh
+    frequencies are solid lines, their multiples are dashed. Filled circles mark intersections at
+    which the meshes excite the mode. `diagram` is a result of `GearTrain.campbell` or
+    `gearlib.studies.trains.compute_campbell_diagram`; `stop` is the upper limit of the speed, rpm.
     """
     frequency_per_speed = mesh_frequency_per_speed(diagram)
     natural_frequencies = 1e-3 * diagram.natural_frequency.values
@@ -253,11 +248,11 @@ def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
     max_frequency = 1.05 * natural_frequencies.max()
     for frequency, kind in zip(natural_frequencies, diagram.mode_kind.values, strict=True):
         axes.axhline(frequency, color=colours[str(kind)], linewidth=0.7, zorder=1)
-    # Where the orders of the meshes are not known, all lines are solid.
+    # If the mesh orders are unknown, all lines are solid.
     mesh_orders = diagram.get("mesh_rate", diagram.stiffness_order).values
     orders = diagram.stiffness_order.values
     for order, text in zip(orders, style.format_numbers(orders, digits=3), strict=True):
-        # The line ends at the right or at the upper limit of the axes.
+        # The line ends at the right or the upper limit of the axes.
         slope = frequency_per_speed * order
         end = min(stop, max_frequency / slope) * np.array([1.0, slope])  # (speed, frequency)
         dashes = "-" if order in mesh_orders else "--"
@@ -278,5 +273,5 @@ def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
     handles.append(style.legend_handle("its multiple", "0.3", "--", linewidth=0.8))
     for name, face_colour, marker_size in _INTERSECTIONS.values():
         options = {"marker": "o", "markerfacecolor": face_colour, "markersize": marker_size}
-        handles.append(style.legend_handle(name, line="none", **options))
+        handles.append(style.legend_handle(name, line_style="none", **options))
     return handles
