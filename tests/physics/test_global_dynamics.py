@@ -12,7 +12,7 @@ from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.engines.pair.motion import pair_constants_at_tuning
 from gearlib.engines.pair.propagator import dimensionless_parameters
 from tests.paper import PAPER_PAIR
-from tests.unit.test_whole_periods import event_by_event
+from tests.unit.test_whole_periods import march_event_by_event
 
 
 def gear_pair(damping, oil=None, backlash_ratio=4.0, **changed):
@@ -49,7 +49,7 @@ def test_basins_match_runs_event_by_event(pair, tuning, periods):
     # After 600 periods all runs are settled: the slowest orbit attracts by exp(-0.03) per period.
     scaled_mesh = pair_constants_at_tuning(dimensionless_parameters(pair), tuning)
     final_states = np.array(
-        [event_by_event(scaled_mesh, x, v, 600)[1:] for x, v in states.reshape(-1, 2)]
+        [march_event_by_event(scaled_mesh, x, v, 600)[1:] for x, v in states.reshape(-1, 2)]
     )
     distances = np.linalg.norm(final_states[:, None, None] - result.state.values, axis=-1)
     nearest = np.where(np.isnan(distances), np.inf, distances).min(axis=2)

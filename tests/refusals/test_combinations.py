@@ -26,7 +26,7 @@ from tests.properties import known_models
 from tests.properties.known_models import DAMPED
 from tests.sentences import assert_sentence
 from tests.unit.test_gears_section import FZG_CONFIG
-from tests.unit.test_train_section import OWN, SET
+from tests.unit.test_train_section import PLANETARY_SET_SECTION, TRAIN_SECTION
 
 ROWS = yaml.safe_load(Path(__file__).with_name("combinations.yaml").read_text(encoding="utf-8"))
 TWENTY = {"pinion": {"teeth": 20, "module": "4 mm", "width": "20 mm"}, "wheel": {"teeth": 40}}
@@ -39,8 +39,9 @@ FILES = {
     | {"labels": {"start": 0.5, "stop": 1.4, "step": 0.01}},
     "fzg": FZG_CONFIG,
     "twenty": FZG_CONFIG | {"gears": TWENTY | {"torque": 100.0}},
-    "planetary_set": CONFIG | {"train": {"kind": "planetary_set", "planetary_set": SET}},
-    "own": CONFIG | {"train": {"kind": "own", "own": OWN}},
+    "planetary_set": CONFIG
+    | {"train": {"kind": "planetary_set", "planetary_set": PLANETARY_SET_SECTION}},
+    "own": CONFIG | {"train": {"kind": "own", "own": TRAIN_SECTION}},
 }
 A, AB = EXAMPLE_BODY, EXAMPLE_MESH
 B = replace(A, name="b", inertia=0.02, base_radius=0.2, teeth=40, torque=200.0)

@@ -40,7 +40,7 @@ def expected_bounds(*extras):
 
 
 def test_conda_environments_match_the_dependencies_of_pip_and_all_are_pinned():
-    """Conda environments must have the bounds of pyproject.toml, and all packages must be pinned."""
+    """Conda environments must have the bounds of pyproject.toml; all packages must be pinned."""
     packages = lower_bounds(read_yaml("environment.yml")["dependencies"])
     assert packages.pop("pip") is None
     assert packages == expected_bounds("workflow", "explore", "proof")
