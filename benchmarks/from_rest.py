@@ -1,6 +1,6 @@
 """Whole runs from rest, what users compute, beside the yardstick in C++ where a compiler is.
 
-Both are timed in turns, in processor seconds of one thread, of which the least counts: other workspace
+Both are timed in turns, in processor seconds of one thread, of which the least counts: other work
 on the machine only adds. The yardstick gives the state at the end, ours the summary as well.
 """
 
