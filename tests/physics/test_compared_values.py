@@ -1,4 +1,4 @@
-"""Quantities that fits compare with data: against 50 digits and least squares of numpy."""
+"""Compare the quantities that fits use with references in 50 digits and numpy's least squares."""
 
 import mpmath as mp
 import numpy as np
@@ -12,11 +12,11 @@ from tests.independent.systems import describe, system_of
 from tests.physics.test_fits import TRUTH
 
 #: Largest relative difference.
-CLOSE = 1e-9
+RELATIVE_TOLERANCE = 1e-9
 
 
 def test_statistics_of_an_orbit_match_the_independent_program_in_50_digits():
-    """Compare each statistic of an orbit that loses contact with a second code in 50 digits."""
+    """Statistics of an orbit with contact loss must equal those of a second code in 50 digits."""
     # Sweeping down reaches the upper branch, where contact is lost.
     tunings = np.linspace(0.7, 1.0, 8)
     run = gearlib.sweep(TRUTH, tunings, periods=300, record_periods=1, direction="down")
@@ -29,18 +29,20 @@ def test_statistics_of_an_orbit_match_the_independent_program_in_50_digits():
         orbit_state, _ = differences.orbit_of(pair, nu, period=1, guess=state)
         system = system_of(pair, nu, mp)
         table = differences.columns(pair, nu, periods=1, state=orbit_state)
-        # The table has displacements in static deflections and forces in static loads.
+        # The second code has displacements in static deflections and forces in units of the load.
         scale = {"displacement": system.length, "dynamic": system.length * system.force}
         for name in observation.STATISTICS:
             reference_value = float(table[name][0] * scale.get(name.partition("_")[0], 1))
             predicted_value = observation.mesh_quantity(quantities, name, mesh=0)
-            assert predicted_value == pytest.approx(reference_value, rel=CLOSE, abs=1e-30), name
+            assert predicted_value == pytest.approx(
+                reference_value, rel=RELATIVE_TOLERANCE, abs=1e-30
+            ), name
 
 
 @pytest.mark.parametrize("gain", [False, True])
 @pytest.mark.parametrize("offset", [False, True])
 def test_gain_and_offset_of_a_sensor_match_least_squares_of_numpy(gain, offset):
-    """Eliminating gain and offset must leave the residuals of the linear least-squares problem."""
+    """Residuals with eliminated gain and offset must be those of a linear least-squares problem."""
     rng = np.random.default_rng(5)
     measured, predicted = rng.normal(size=(2, 12))
     deviations = rng.uniform(0.5, 2.0, 12)
@@ -48,7 +50,7 @@ def test_gain_and_offset_of_a_sensor_match_least_squares_of_numpy(gain, offset):
         "x", measured, deviations, noise_known=True, unknown_gain=gain, unknown_offset=offset
     )
     residuals = (channel.signal_and_gain(predicted)[0] - measured) / deviations
-    # All rows are divided by their standard deviations.
+    # All equations are divided by the standard deviation of their measured value.
     weighted_measured, weighted_predicted = measured / deviations, predicted / deviations
     columns = [np.zeros(12)]
     if gain:
@@ -60,4 +62,7 @@ def test_gain_and_offset_of_a_sensor_match_least_squares_of_numpy(gain, offset):
         columns.append(1.0 / deviations)
     matrix = np.column_stack(columns)
     expected_residuals = matrix @ np.linalg.lstsq(matrix, target, rcond=None)[0] - target
-    assert np.abs(residuals - expected_residuals).max() < CLOSE * np.abs(expected_residuals).max()
+    assert (
+        np.abs(residuals - expected_residuals).max()
+        < RELATIVE_TOLERANCE * np.abs(expected_residuals).max()
+    )

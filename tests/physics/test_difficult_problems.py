@@ -1,4 +1,4 @@
-"""Difficult problems: the solvers of gearlib against 50 digits, and failures of scipy."""
+"""Compare the solvers in difficult problems with 50 digits, and show failures of scipy."""
 
 import numpy as np
 import pytest
@@ -9,17 +9,17 @@ from gearlib.studies.trials import difficult_problems, failures
 from tests.references import propagate_pair
 
 PROBLEMS = difficult_problems.build_problems()
-#: Problems of linear gear pairs that are quickly solved in 50 digits.
-LINEAR = [
+#: Names of problems with linear gear pairs that are solved quickly in 50 digits.
+SHORT_LINEAR_PROBLEMS = [
     name
     for name, problem in PROBLEMS.items()
     if isinstance(problem.model, GearPair) and problem.periods <= 20 and problem.tuning > 0.1
 ]
 
 
-@pytest.mark.parametrize("name", LINEAR)
+@pytest.mark.parametrize("name", SHORT_LINEAR_PROBLEMS)
 def test_state_and_events_of_both_exact_methods_match_50_digits(name):
-    """Compare final states, the order of contacts and the phases of events with 50 digits."""
+    """Final states, and contacts and phases of all events, must agree with 50 digits."""
     model, tuning = PROBLEMS[name].model, PROBLEMS[name].tuning
     periods, state = PROBLEMS[name].periods, PROBLEMS[name].state
     (x, v), *events = propagate_pair(model, tuning, periods, state)
@@ -27,26 +27,25 @@ def test_state_and_events_of_both_exact_methods_match_50_digits(name):
     for method in ("exact", "taylor"):
         run = simulate(model, tuning, method=method, **settings)
         displacement_range = max(1.0, float(run.displacement_max - run.displacement_min))
-        error = (
-            np.abs(run.final_state.values - [float(x), float(v)])
-            * [1.0, tuning]
-            / displacement_range
-        )
-        # The bound allows for the rounding of up to 20 mesh periods.
-        assert error.max() < 2e-12
+        # A velocity times the tuning has the scale of a displacement.
+        difference = np.abs(run.final_state.values - [float(x), float(v)]) * [1.0, tuning]
+        # The bound allows for the rounding errors of up to 20 mesh periods.
+        assert difference.max() < 2e-12 * displacement_range
         contacts = zip(run.event_from.values.tolist(), run.event_to.values.tolist(), strict=True)
         assert list(contacts) == [(before, after) for _, before, after, _ in events]
-        for phase, (reference_phase, _, _, velocity) in zip(
-            run.event_phase.values, events, strict=True
-        ):
-            # Rounding of the displacement, 1e-14 of its range after these mesh periods, divided by
-            # the velocity shifts the phase of a crossing.
-            assert abs(phase - reference_phase) < 1e-11 + 1e-14 * displacement_range / abs(velocity)
+        phases = run.event_phase.values
+        for phase, (reference_phase, _, _, velocity) in zip(phases, events, strict=True):
+            # A rounding error of the displacement, 1e-14 of its range, shifts the phase of a
+            # crossing by this error divided by the velocity.
+            shift_by_rounding = 1e-14 * displacement_range / abs(velocity)
+            assert abs(phase - reference_phase) < 1e-11 + shift_by_rounding
 
 
 def test_taylor_steps_are_right_where_the_exact_method_refuses_the_model():
-    """Taylor steps must solve the difficult problems with models the exact method does not take."""
-    # Golden data compare the two methods on all other problems.
+    """Taylor steps must solve the three problems whose models the exact method does not support.
+
+    Golden data compare both methods in all other problems.
+    """
     exact = integrators.METHODS["exact"]
     problems = [problem for problem in PROBLEMS.values() if not exact.supports(problem.model)]
     assert len(problems) == 3
@@ -60,8 +59,10 @@ def test_taylor_steps_are_right_where_the_exact_method_refuses_the_model():
 
 @pytest.mark.parametrize(("rtol", "events"), [(1e-3, False), (1e-12, False), (1e-12, True)])
 def test_scipy_misses_a_double_crossing_within_a_step_at_any_tolerance(rtol, events):
-    """A flank line that is crossed twice within one step of scipy must give a missed event."""
-    # A terminal event does not help either: its sign is evaluated at the ends of steps.
+    """Scipy must miss two crossings of a flank line within one step, even with event location.
+
+    Its events are located by a change of sign between the ends of a step.
+    """
     options = {"solver": "DOP853", "rtol": rtol, "atol": rtol, "events": events}
     outcome = failures.judge_run(PROBLEMS["double_crossing"], "scipy", options)
     assert failures.VERDICTS[outcome["verdict"]] == "missed_event"
