@@ -1,27 +1,27 @@
 # make         set up .venv with the pinned packages and compute everything in results/
 # make test    also install the packages of the tests, and run all checks and tests
 # make lint    check style, formatting, imports and types only
-# make golden  renew the golden data in tests/golden, and the pictures of the figures
-# make references  renew the references in 50 digits in tests/references
+# make golden  update the golden data in tests/golden, and the pictures of the figures
+# make references  update the references with 50 digits in tests/references
 # make peers   install heyoka, a solver that method= can call, into .venv if available
 # make couple-test  run the tests with FMPy, ROSS and OpenTorsion, and install these into .venv
-# make torture  test 50 kills, full and read-only disks, and damaged files; takes minutes
+# make torture  test 50 killed runs, full and read-only disks, and damaged files; takes minutes
 # make random-trains  compare 500 random gear trains with scipy event by event; takes ten minutes
 # make random-certificates  certify 10,000 random orbits and wrong candidates; takes minutes
 # make real-gearboxes  read the REXS files in the folder REXS, which are not part of the project
-# make slurm-test  run the workflow on a real Slurm of one node; root also gets Debian's packages
+# make slurm-test  run the workflow with Slurm on one node; as root, also install Debian's packages
 # make bench   measure the speed of the library on this machine
 # make report  write results/report.html, all figures, tables and claims on one page
-# make docs    build the documentation as a site, build/docs/index.html
-# make speed-and-accuracy  renew the numbers and pictures of this page, after `make peers`; 20 min
-# make wheel   build wheel and source archive in dist/, and try both in a fresh environment
+# make docs    build the documentation, build/docs/index.html
+# make speed-and-accuracy  update numbers and pictures of this page (20 min); needs `make peers`
+# make wheel   build wheel and source archive in dist/, and test both in a fresh environment
 # make clean   remove the results; `make distclean` also removes the environment
 #
 # ARGS is passed to the program that a target calls, as in `make test ARGS=-x`. With SHORT=1
 # benchmarks call each function once.
 
 PYTHON ?= python3
-# Use all cores, but at most four, because a worker of the tests needs up to 2 GB.
+# Use at most four cores, because each test worker needs up to 2 GB of memory.
 JOBS ?= $(shell $(PYTHON) -c 'import os; print(min(4, os.cpu_count()))')
 # Use one more worker than cores, because some tests wait for Slurm, a browser or a killed run.
 WORKERS ?= $(shell expr $(JOBS) + 1)
@@ -80,7 +80,7 @@ REXS ?= ../shared/rexs
 real-gearboxes: $(TESTING)
 	REXS='$(REXS)' $(BIN)/python -m tests.gearboxes
 
-# The test itself, also a part of `make test`, installs nothing and tells why it cannot run.
+# The test, which is also part of `make test`, installs nothing and is skipped without Slurm.
 slurm-test: $(TESTING)
 	@if [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && \
 	    ! { command -v slurmctld && command -v slurmd && command -v munged; } > /dev/null; then \
@@ -99,7 +99,7 @@ wheel: $(TESTING)
 report: all
 	$(BIN)/snakemake --report results/report.html --report-stylesheet workflow/report/report.css
 
-# -j does not disturb wall times, because jobs that measure them run alone.
+# Parallel jobs do not disturb wall times, because jobs that measure them run alone.
 speed-and-accuracy: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS) draw_failures draw_stability_chart draw_models model_table \
 	    draw_work_precision
@@ -108,16 +108,16 @@ speed-and-accuracy: $(INSTALLED)
 docs: $(TESTING)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# The packages of the tests are installed only for targets that need them.
+# The test packages are only installed for targets that need them.
 $(INSTALLED) $(TESTING): pyproject.toml requirements/constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
-	    { echo "Python 3.11 or newer is needed: make PYTHON=python3.12" >&2; exit 1; }
+	    { echo "Python 3.11 or newer is required: use make PYTHON=python3.12" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --no-compile --constraint requirements/constraints.txt \
 	    --editable '.[proof,workflow$(if $(filter $@,$(TESTING)),$(COMMA)test)]'
-	@# Compile all packages in parallel now, because otherwise every job would compile them again
-	@# if PYTHONDONTWRITEBYTECODE is set. The tests of the packages, a quarter of all files, are
-	@# never loaded. Errors are ignored, because some packages have faulty files on purpose.
+	@# Compile all packages now, because otherwise each job would compile them again if
+	@# PYTHONDONTWRITEBYTECODE is set. Tests in packages, a quarter of all files, are never loaded.
+	@# Errors are ignored, because some packages contain invalid files on purpose.
 	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j $(JOBS) -x '/tests/' .venv || true
 	touch $@ $(INSTALLED)
 

@@ -1,6 +1,6 @@
-"""Compute all targets of the configuration by one command, `snakemake -j2`.
+"""Compute all targets of the configuration with a single command, `snakemake -j2`.
 
-Each subject has a file of rules, in the order compile -> compute -> gather -> draw, table.
+Each file of rules covers one subject, in the order compile -> compute -> gather -> draw, table.
 """
 
 import os
@@ -40,13 +40,17 @@ rule all:
 
 rule paper:
     input:
-        [getattr(rules, x).input for x in targets.PAPER_TARGETS if not targets.refusal_reason(x, CONFIG)],
+        [
+            getattr(rules, x).input
+            for x in targets.PAPER_TARGETS
+            if not targets.refusal_reason(x, CONFIG)
+        ],
 
 
 onstart:
     if not os.access("results" if Path("results").exists() else ".", os.W_OK):
-        refuse("Nothing can be written to results.")
-    # Snakemake holds its lock, so temporary files can only stem from a run that was killed.
+        exit_with_error("Nothing can be written to results.")
+    # Since Snakemake has locked the folder, temporary files can only stem from a killed run.
     remove_temporary_files(Path("results"))
 
 

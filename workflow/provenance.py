@@ -1,7 +1,7 @@
 """Write results/provenance.json: commit, versions, machine and run times of the results.
 
-The data files have no entries that differ between two equal calculations; such entries are in this
-file. It is written at the end of a run of Snakemake that ran a job.
+Data files only have entries that are the same whenever a calculation is repeated; all other entries
+are in this file. It is written after a successful run of Snakemake.
 """
 
 import csv
@@ -24,7 +24,7 @@ PACKAGES = (
 
 
 def write(results, root):
-    """Write provenance.json into the folder `results`, unless it is newer than all jobs.
+    """Write provenance.json to the folder `results`, unless it is newer than all jobs.
 
     `root` is the folder of the git repository.
     """
@@ -60,7 +60,7 @@ def _git(root, *arguments):
 
 
 def _versions():
-    """Return the versions of the installed packages of `PACKAGES`, name -> version."""
+    """Return a dict of the versions of those `PACKAGES` that are installed."""
     versions = {}
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
@@ -69,7 +69,7 @@ def _versions():
 
 
 def _processor():
-    """Return the model name of the processor, from /proc/cpuinfo if it exists."""
+    """Return the model name of the processor."""
     with suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         line = next(line for line in lines if line.startswith("model name"))
@@ -80,7 +80,7 @@ def _processor():
 def _job(path, folder):
     """Return name, run time and peak memory of a job from Snakemake's benchmark file `path`.
 
-    `folder` is the folder of all benchmark files; the relative path is the name of the job.
+    The name is the path relative to `folder`, the folder of all benchmark files.
     """
     with path.open(encoding="utf-8") as file:
         row = next(csv.DictReader(file, delimiter="\t"))
@@ -92,6 +92,6 @@ def _job(path, folder):
 
 
 def _number(text):
-    """Return a text as a float, or None if it is not a number, as "-" for a missing measurement."""
+    """Convert text to a float; return None for other text, e.g. "-" for a missing measurement."""
     with suppress(ValueError):
         return float(text)

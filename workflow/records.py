@@ -7,10 +7,10 @@ from snakemake.persistence.file import FilePersistence
 
 
 def mark_changed(results):
-    """Mark the files in a folder of results as incomplete unless Snakemake has a record of them.
+    """Mark results as incomplete if their time differs from the time that Snakemake recorded.
 
-    Snakemake computes incomplete files again. It records the time of each output, but does not
-    compare it with the time of the file.
+    Snakemake computes incomplete files again, but does not itself compare these times. `results` is
+    the folder of the results.
     """
     records = FilePersistence(nolock=True)
     for path in results.rglob("*"):

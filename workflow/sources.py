@@ -1,9 +1,9 @@
 """List the source files of a script, with checksums, as an input of its rule.
 
-Snakemake does not see edits of imported modules. Whenever it starts, the lists whose sources have
-changed are written, so that an edit reruns the jobs whose results it can change, and a file with a
-new time stamp but the same text reruns nothing. A rule names the modules that its script loads by
-name, with `import_module`.
+Snakemake does not detect edits of imported modules. Whenever it starts, the lists whose source
+files have changed are written. An edit therefore reruns the jobs whose results it can affect, but a
+new time stamp alone reruns nothing. Rules state the modules that their scripts load by name with
+`import_module`.
 """
 
 import ast
@@ -15,22 +15,22 @@ from pathlib import Path
 
 import grimp
 
-#: Folder of the lists, beside what Snakemake records of its jobs.
+#: Folder of the lists, beside the records of Snakemake.
 LISTS = Path(".snakemake/sources")
 
 
-def sources(script, loaded=(), package="gearlib"):
+def find_sources(script, loaded=(), package="gearlib"):
     """Return the sorted paths of a script and of all modules that it imports, also indirectly.
 
-    Only modules of the package and scripts in the same folder are listed; `loaded` has the names of
-    modules that the script loads by name. Paths are relative to the working directory. The
-    ``__init__.py`` of the package only has lazy names and is not listed; raise ImportError if a
-    script imports from it.
+    Only modules of the package and scripts in the same folder are included. `loaded` has the names
+    of modules that the script loads by name. Paths are relative to the working directory. The
+    ``__init__.py`` of the package, which loads names lazily, is not included; raise ImportError if
+    a script imports from it.
     """
-    graph, known_modules = _imports_of(package)
+    graph, known_modules = _import_graph(package)
     scripts = [Path(script)]
     modules = {*loaded}
-    for path in scripts:  # the list grows by scripts that are imported
+    for path in scripts:  # imported scripts are appended to the list
         for name in _imported_names(path):
             top_level_name = name.split(".")[0]
             other_script = path.with_name(f"{top_level_name}.py")
@@ -42,13 +42,13 @@ def sources(script, loaded=(), package="gearlib"):
     modules = modules.union(*map(graph.find_upstream_modules, modules))
     if package in modules:
         raise ImportError(f"{script} imports from {package} itself: import its modules")
-    return sorted([*map(os.path.relpath, scripts), *map(_file_of, modules)])
+    return sorted([*map(os.path.relpath, scripts), *map(_module_path, modules)])
 
 
-def listed(script, paths):
-    """Write the list of a script's source files with checksums if it has changed; return its path.
+def write_source_list(script, paths):
+    """Update the list of a script's source files with checksums; return the path of the list.
 
-    `paths` are the source files, a result of `sources`.
+    `paths` are the source files, a result of `find_sources`.
     """
     digest = hashlib.sha256("\n".join(paths).encode()).hexdigest()[:8]
     path = LISTS / f"{Path(script).stem}-{digest}.txt"
@@ -62,11 +62,11 @@ def listed(script, paths):
 
 
 @cache
-def _imports_of(package):
-    """Return the graph of imports of a package, and the set of its modules.
+def _import_graph(package):
+    """Return the import graph of a package, and the set of its modules.
 
-    Imports for type checkers only are left out. Importing a module also runs the ``__init__.py`` of
-    the packages that contain it, so the graph has them as imports of the module.
+    Imports that are only for type checkers are excluded. Importing a module also runs the
+    ``__init__.py`` of the packages that contain it, so the graph contains these imports, too.
     """
     graph = grimp.build_graph(package, cache_dir=None, exclude_type_checking_imports=True)
     modules = graph.modules
@@ -79,7 +79,7 @@ def _imports_of(package):
 
 @cache
 def _imported_names(path):
-    """Return the names that a script imports, such as "os" or "job.datasets"."""
+    """Return the names that a script imports, e.g. "os" or "job.datasets"."""
     names = []
     for node in ast.walk(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Import):
@@ -90,11 +90,11 @@ def _imported_names(path):
 
 
 @cache
-def _file_of(module):
+def _module_path(module):
     """Return the path of a module of a package."""
     package, *parts = module.split(".")
     path = os.path.join(os.path.dirname(find_spec(package).origin), *parts)
-    # A package that became a module may leave its folder of compiled files beside the module.
+    # Beside a module, there may be a folder of compiled files from a former package.
     in_package = os.path.join(path, "__init__.py")
     return os.path.relpath(in_package if os.path.isfile(in_package) else f"{path}.py")
 

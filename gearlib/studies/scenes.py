@@ -236,7 +236,7 @@ def _estimate_cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> 
     if not evaluations:
         # Contact events divide the segments of constant stiffness.
         arcs = record.event.size / run["record_periods"] + _STIFFNESS_SEGMENTS
-        return propagator.components * (propagator.pieces + arcs)
+        return propagator.components * (propagator.segment_count + arcs)
     cost = propagator.components * evaluations / run["periods"]
     power = 10.0 ** math.floor(math.log10(cost))
     rounded_costs = (digit * power for digit in (1, 2, 5, 10))

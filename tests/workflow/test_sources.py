@@ -2,7 +2,7 @@
 
 import pytest
 
-from workflow.sources import sources
+from workflow.sources import find_sources
 
 FILES = {
     "lib/__init__.py": "",
@@ -33,14 +33,14 @@ def _package(tmp_path, monkeypatch):
 
 
 def test_imports_are_followed():
-    assert sources("scripts/run.py", package="lib") == IMPORTED + SCRIPTS
+    assert find_sources("scripts/run.py", package="lib") == IMPORTED + SCRIPTS
 
 
 def test_modules_named_by_a_rule_are_sources():
-    paths = sources("scripts/run.py", ["lib.loaded"], package="lib")
+    paths = find_sources("scripts/run.py", ["lib.loaded"], package="lib")
     assert paths == sorted([*IMPORTED, "lib/loaded.py", "lib/storage.py", *SCRIPTS])
 
 
 def test_lazy_names_are_refused():
     with pytest.raises(ImportError, match="scripts/lazy.py imports from lib itself"):
-        sources("scripts/lazy.py", package="lib")
+        find_sources("scripts/lazy.py", package="lib")

@@ -2,7 +2,7 @@
 
 # STAGES has (stage, load case) of each job for a stage, BOXES the load cases of the whole box.
 BOX = config["gearbox"] if "gearbox" in WANTED else None
-STAGES, BOXES = jobs_of_gearbox()
+STAGES, BOXES = list_gearbox_jobs()
 NAME_OF_BOX = "{file}, damping ratio {damping_ratio:g}".format(**BOX) if BOX else "gearbox"
 
 
@@ -16,7 +16,7 @@ use rule _compute as compute_gearbox_stage with:
     output:
         "results/gearbox/stage_{number}.nc",
     params:
-        **pick(BOX or {}, "damping_ratio", "points"),
+        **select_keys(BOX or {}, "damping_ratio", "points"),
         function="gearlib.studies.gearboxes:sweep_stage",
         file=lambda w, input: input.file,
         stage=lambda w: STAGES[int(w.number)][0],
@@ -86,7 +86,7 @@ use rule _compute as compute_gearbox with:
     output:
         "results/gearbox/box_{number}.nc",
     params:
-        **pick(BOX or {}, "damping_ratio", "orders"),
+        **select_keys(BOX or {}, "damping_ratio", "orders"),
         function="gearlib.studies.gearboxes:analyse_gearbox",
         file=lambda w, input: input.file,
         load_case=lambda w: BOXES[int(w.number)],
@@ -114,7 +114,7 @@ use rule _draw as draw_gearbox_modes with:
     output:
         figure_files(
             "gearbox/modes_{number}",
-            label_of_box("Campbell diagram and modes"),
+            gearbox_label("Campbell diagram and modes"),
             GEARBOX,
             "gearbox_modes",
         ),
@@ -133,7 +133,7 @@ use rule _compute as compute_gearbox_run_up with:
     output:
         "results/gearbox/run_up_{number}.nc",
     params:
-        **pick(BOX or {}, "damping_ratio", "revolutions"),
+        **select_keys(BOX or {}, "damping_ratio", "revolutions"),
         function="gearlib.studies.gearboxes:compute_run_up_orders",
         file=lambda w, input: input.file,
         load_case=lambda w: BOXES[int(w.number)],
@@ -149,7 +149,7 @@ use rule _draw as draw_gearbox_run_up with:
     output:
         figure_files(
             "gearbox/run_up_{number}",
-            label_of_box("Order map of a run-up"),
+            gearbox_label("Order map of a run-up"),
             GEARBOX,
             "gearbox_run_up",
         ),

@@ -13,7 +13,7 @@ if not IS_PAPER:
             function="gearlib.studies.gear_table:table_rows",
             settings={
                 "pairs": PAIRS,
-                "gears": canonical(CONFIG.gears and CONFIG.gears.geometry_dict()),
+                "gears": to_plain_values(CONFIG.gears and CONFIG.gears.geometry_dict()),
             },
             gears=GEAR_PAIR,
 
@@ -27,7 +27,7 @@ use rule _compute as compute_mesh_stiffness with:
         "results/mesh_stiffness.nc",
     params:
         function="gearlib.studies.gear_geometry:mesh_stiffness",
-        pairs=stages("mesh_stiffness"),
+        pairs=stage_descriptions("mesh_stiffness"),
         samples=config["mesh_stiffness"]["samples"],
 
 
@@ -41,7 +41,7 @@ use rule _table as mesh_stiffness_table with:
         **table_files("mesh_stiffness", "Mesh stiffness by every method, table", GEOMETRY),
     params:
         function="gearlib.studies.gear_geometry:stiffness_rows",
-        gears=names_of_stages("mesh_stiffness"),
+        gears=stage_names("mesh_stiffness"),
 
 
 use rule _draw as draw_mesh_stiffness with:
@@ -54,7 +54,7 @@ use rule _draw as draw_mesh_stiffness with:
         figure_files("mesh_stiffness", "Mesh stiffness by every method", GEOMETRY),
     params:
         draw="gear_geometry_figure.draw_mesh_stiffness",
-        gears=names_of_stages("mesh_stiffness"),
+        gears=stage_names("mesh_stiffness"),
 
 
 use rule _compute as compute_harris_map with:
@@ -65,9 +65,9 @@ use rule _compute as compute_harris_map with:
     output:
         "results/harris_map.nc",
     params:
-        **pick(config["harris_map"], "loads", "stiffness", "phases"),
+        **select_keys(config["harris_map"], "loads", "stiffness", "phases"),
         function="gearlib.studies.gear_geometry:harris_map",
-        gears=without(*stages("harris_map").values(), "published"),
+        gears=exclude_keys(*stage_descriptions("harris_map").values(), "published"),
 
 
 use rule _draw as draw_harris_map with:
@@ -80,7 +80,7 @@ use rule _draw as draw_harris_map with:
         figure_files("harris_map", "Tip relief: Harris maps", GEOMETRY),
     params:
         draw="gear_geometry_figure.draw_harris_maps",
-        gears=names_of_stages("harris_map", teeth=True),
+        gears=stage_names("harris_map", teeth=True),
 
 
 use rule _compute as compute_dynamic_factor with:
@@ -92,7 +92,7 @@ use rule _compute as compute_dynamic_factor with:
     output:
         "results/dynamic_factor.nc",
     params:
-        **pick(config["dynamic_factor"], "points", "start", "stop"),
+        **select_keys(config["dynamic_factor"], "points", "start", "stop"),
         **teeth_over_speed(),
         function="gearlib.studies.teeth_over_speed:sweep_speed_range",
 
@@ -107,4 +107,4 @@ use rule _draw as draw_dynamic_factor with:
         figure_files("dynamic_factor", "Dynamic factor and transmission error over speed", GEOMETRY),
     params:
         draw="gear_geometry_figure.draw_dynamic_factor",
-        gears=names_of_stages("dynamic_factor", teeth=True),
+        gears=stage_names("dynamic_factor", teeth=True),

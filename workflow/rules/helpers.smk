@@ -21,52 +21,52 @@ from gearlib.config.gears_section import stage_sections, uses_configured_gears
 from gearlib.config.tolerances_section import known_parameters
 from gearlib.models.geometry.iso import METHOD_NAMES
 from workflow.records import mark_changed
-from workflow.sources import listed, sources
+from workflow.sources import find_sources, write_source_list
 
 ROOT = Path(workflow.basedir)
 
-#: Parts of the report, with numbers because its menu is in alphabetical order.
+#: Parts of the report, with numbers because its menu is sorted alphabetically.
 CLAIMS, EXPLANATIONS, METHODS = "2 The paper's statements", "3 Explanations", "4 Methods"
 TRAINS, GEOMETRY = "5 Gear trains", "6 From the geometry"
 MEASURED, TOLERANCES, GEARBOX = "7 Measured", "8 Tolerances", "9 Gearbox"
 
-#: Keys in sections of the configuration: of a grid of tunings, and of seeded initial states.
+#: Keys of the configuration that describe a grid of tunings, and random initial states.
 GRID = ["start", "stop", "step"]
 STARTS = ["starts", "first_starts", "seed", "spread"]
 
-#: Priority of long jobs, which start before others.
+#: Priority of long jobs, which start first.
 LONG = 1
-#: Number of threads above that of any machine, so that Snakemake gives the job all cores.
+#: Number of threads that no machine has, so that a job gets all cores.
 ALL_CORES = 1024
 
-# All jobs read this file, also on other nodes, before they load numpy.
+# All jobs, also on other nodes, read this file before they load numpy.
 os.environ.update(processor.environment_variables())
-# Jobs share compiled Python files, which this variable would prevent.
+# This variable would prevent jobs from sharing compiled Python files.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-# Scripts import the library beside this Snakefile.
+# Scripts import the library in the folder of this Snakefile.
 os.environ.update(
     PYTHONPATH=os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 )
 
 
-def refuse(sentence):
-    """Log an error message and exit without the traceback that Snakemake prints for exceptions."""
+def exit_with_error(sentence):
+    """Log an error message and exit with code 2, without a traceback."""
     logger.error(str(sentence))
     sys.exit(2)
 
 
-def raise_errors(messages):
-    """Raise a ValueError with the given messages, if there are any."""
+def raise_messages(messages):
+    """Raise a ValueError with the given messages unless the list is empty."""
     if messages:
         raise ValueError("\n".join(messages))
 
 
 def check_tables_and_distributions(checked):
-    """Check measured tables and distributions of tolerances, which require numpy or scipy."""
+    """Check measured tables and distributions of tolerances, which needs numpy and scipy."""
     if checked.measured:
         from gearlib.uncertainty.measured import read_errors
 
-        raise_errors(read_errors(checked.measured))
+        raise_messages(read_errors(checked.measured))
     if checked.tolerances.needs_scipy() and not targets.refusal_reason("tolerances", checked):
         from gearlib.uncertainty import distributions
 
@@ -75,78 +75,80 @@ def check_tables_and_distributions(checked):
             distributions.read_tolerances(checked.tolerance_distributions(), known_parameters())
 
 
-def checked_configuration(changes):
+def load_configuration(changes):
     """Read and check the configuration; return it as a typed object, or exit with an error message.
 
-    It is read from config.yaml in the working directory, else from the file of the paper's gears;
-    `changes` are the values on the command line.
+    The file is config.yaml in the working directory if it exists, else the configuration of the
+    paper. `changes` are the values given on the command line.
     """
     base = Path("config.yaml") if Path("config.yaml").exists() else ROOT / "config.yaml"
     try:
         contents = [validation.read_yaml(path) for path in (base, *workflow.overwrite_configfiles)]
-        raise_errors([message for _, repeated in contents for message in repeated])
+        raise_messages([message for _, repeated in contents for message in repeated])
         checked = configuration.load(configuration.overlay_gears(contents[0][0], changes))
-        raise_errors([*checked.target_errors(), *checked.train_damping_errors()])
+        raise_messages([*checked.target_errors(), *checked.train_damping_errors()])
         if workflow.is_main_process:
             check_tables_and_distributions(checked)
         return checked
     except ValueError as error:
-        refuse(f"The configuration is refused.\n{error}")
+        exit_with_error(f"The configuration is refused.\n{error}")
 
 
-def canonical(value):
-    """Return a value in plain JSON types with sorted keys."""
+def to_plain_values(value):
+    """Convert a value to plain JSON types with sorted keys."""
     return json.loads(json.dumps(value, sort_keys=True))
 
 
-# Before the file is read, `config` has the values on the command line.
-CONFIG = checked_configuration(dict(config))
+# Until the file has been read, `config` has the values given on the command line.
+CONFIG = load_configuration(dict(config))
 IS_PAPER = gear_names.is_paper(CONFIG)
 PAPER = "1 The paper's figures" if IS_PAPER else "1 The gears and their motions"
 #: Targets that are computed if the command line names none.
 WANTED = CONFIG.computed_targets()
 # Rules and captions need the defaults, too.
 config.clear()
-config.update(canonical(CONFIG.model_dump()))
+config.update(to_plain_values(CONFIG.model_dump()))
 
-# Only the main process does this, also for the jobs that it sends to other nodes.
+# Processes that run single jobs must not mark results.
 if workflow.is_main_process:
     mark_changed(Path("results"))
 
 
-# Select parts of the configuration as plain values.
+# The following functions select parts of the configuration as plain values.
 
 
-def without(section, *keys):
-    """Return a section of the configuration without the given keys."""
+def exclude_keys(section, *keys):
+    """Return a section of the configuration as a dict without the given keys."""
     return {key: value for key, value in section.items() if key not in keys}
 
 
-def pick(section, *keys):
-    """Return only the given keys of a section of the configuration."""
+def select_keys(section, *keys):
+    """Return a section of the configuration as a dict with only the given keys."""
     return {key: value for key, value in section.items() if key in keys}
 
 
-def grid(section, step_key="step"):
-    """Return the tunings of a section from start to stop, with the step in its key `step_key`."""
+def tuning_grid(section, step_key="step"):
+    """Return the tunings from start to stop of a section; `step_key` is the key of the step."""
     return tunings.grid(section["start"], section["stop"], section[step_key])
 
 
-def with_pairs(cases):
-    """Return cases as plain values, with the parameters of a gear pair for damping and change."""
+def add_gear_pairs(cases):
+    """Return cases as plain values in which a gear pair replaces the keys damping and change."""
     values = []
     for case in cases:
         pair = CONFIG.pair(case.damping, case.change)
         values.append(case.model_dump(exclude={"damping", "change"}) | {"pair": pair})
-    return canonical(values)
+    return to_plain_values(values)
 
 
-#: Damping -> description of the gear pair, and of the model of sweeps and run-ups.
-PAIRS = canonical({damping: CONFIG.pair(damping) for damping in CONFIG.dampings})
-MODELS = canonical({damping: CONFIG.model_description(damping) for damping in CONFIG.dampings})
-UNDAMPED = canonical(CONFIG.pair())
-SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
-#: Names of the gears with the rectangular stiffness, and with the model of sweeps and run-ups.
+#: Name of a damping -> description of the gear pair, and of the model for sweeps and run-ups.
+PAIRS = to_plain_values({damping: CONFIG.pair(damping) for damping in CONFIG.dampings})
+MODELS = to_plain_values(
+    {damping: CONFIG.model_description(damping) for damping in CONFIG.dampings}
+)
+UNDAMPED = to_plain_values(CONFIG.pair())
+SIX_DEGREES = to_plain_values(CONFIG.six_degree_parameters())
+#: Names of the gears with rectangular stiffness, and with the model for sweeps and run-ups.
 GEAR_PAIR = gear_names.gear_pair_name_with_stiffness(CONFIG, teeth=False)
 GEARS = gear_names.gear_pair_name_with_stiffness(CONFIG, teeth=True)
 #: Common arguments of `sweep` and `simulate`.
@@ -157,7 +159,7 @@ RUN = {
     "periods": CONFIG.periods,
     "record_periods": CONFIG.record_periods,
 }
-#: The same for the model of sweeps; load-sharing pairs start in static equilibrium.
+#: Arguments for the model of sweeps; load-sharing pairs start in static equilibrium.
 GEARS_RUN = dict(RUN)
 if CONFIG.gears and "initial_state" not in CONFIG.run.model_fields_set:
     GEARS_RUN["initial_state"] = "static"
@@ -165,8 +167,8 @@ if CONFIG.gears and "initial_state" not in CONFIG.run.model_fields_set:
 SAMPLES = {"samples_per_period": config["run"]["samples_per_period"]}
 SAMPLED_RUN = RUN | SAMPLES
 GEARS_SAMPLED_RUN = GEARS_RUN | SAMPLES
-#: Sweeps of the load-sharing pair of gears given by geometry. Figures that need the rectangular
-#: stiffness have a note about them.
+#: Sweeps of the load-sharing pair, if the geometry is given. Figures that need the rectangular
+#: stiffness state whether this pair loses contact.
 TEETH_SWEEPS = ["results/resonance.nc"] if CONFIG.gears else []
 COLOURS = {"colours": config["figures"]["colours"]}
 
@@ -175,22 +177,22 @@ COLOURS = {"colours": config["figures"]["colours"]}
 
 
 def sources_of(script, *modules, methods=()):
-    """Return the file that lists the sources of a script, which is written if it has changed.
+    """Return the path of the list of source files of a script; update the list if needed.
 
-    The sources are the imports of the script, `modules` of gearlib, which it loads by name, and the
-    integrators with the names `methods`.
+    The sources are the imports of the script, the `modules` of gearlib that it loads by name, and
+    the integrators of the given `methods`.
     """
     names = [f"gearlib.{module}" for module in modules]
     names += [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
     path = ROOT / "workflow" / "scripts" / f"{script}.py"
-    return listed(path, sources(path, names))
+    return write_source_list(path, find_sources(path, names))
 
 
 def sources_by_method(script, module, *references):
-    """Return a dict of method -> file that lists the sources of a job that runs this method.
+    """Return a dict of method -> path of the list of source files of a job that runs the method.
 
     The job also runs the methods `references`. All lists are written in advance, because Snakemake
-    looks for files only once.
+    searches for files only once.
     """
     return {
         name: sources_of(script, module, methods=[name, *references])
@@ -199,16 +201,16 @@ def sources_by_method(script, module, *references):
 
 
 def per_damping(pattern):
-    """Return the file names of all dampings; `pattern` contains "{damping}"."""
+    """Return the file names for all dampings; `pattern` contains "{damping}"."""
     return expand(pattern, damping=CONFIG.dampings)
 
 
 def figure_files(name, label, part, caption=None):
-    """Return the files of a figure, one for each format, of which the report shows one.
+    """Return the files of a figure, one per format; one of them is shown in the report.
 
-    `label` is a text, or a function of wildcards that returns labels; `part` is the part of the
-    report; `caption` is the name of a file in `workflow/report`, by default the name of the figure.
-    Numbers of the paper's figures are removed from names and labels of other gears.
+    `label` is a text or a function of wildcards that returns labels, and `part` the part of the
+    report. `caption` is the name of a file in `workflow/report`, by default the name of the figure.
+    For gears other than the paper's, figure numbers are removed from names and labels.
     """
     caption = caption or name
     if not IS_PAPER:
@@ -226,9 +228,9 @@ def figure_files(name, label, part, caption=None):
 
 
 def table_files(name, label, part):
-    """Return the files of a table: "csv", and "page", a page for the report.
+    """Return the files of a table: the key "csv", and the key "page" for a page of the report.
 
-    `label` is its label and `part` its part in the report.
+    `label` is the label of the table, and `part` the part of the report.
     """
     labels = {"figure": label}
     page = f"results/tables/{name}.html"
@@ -240,9 +242,9 @@ def table_files(name, label, part):
 
 
 def target_files(target, *files):
-    """Return the files of a target, or an input function that exits if it is refused.
+    """Return the files of a target, or an input function that exits with an error message.
 
-    A target is refused if the configured gears do not allow it.
+    The error is that the target is not possible with the configured gears.
     """
     reason = targets.refusal_reason(target, CONFIG)
     if target in targets.TRAIN_TARGETS:
@@ -250,14 +252,14 @@ def target_files(target, *files):
     if not reason:
         return list(files)
     message = f"The configuration is refused.\n{targets.append_target_names(reason, [target])}"
-    return lambda wildcards: refuse(message)
+    return lambda wildcards: exit_with_error(message)
 
 
 def if_wanted(target, files, pairs_only=False):
-    """Return files if their target is wanted, else an empty list.
+    """Return `files` if their target is to be computed, else an empty list.
 
-    With `pairs_only`, files are left out for gears given by geometry, because their sweeps have
-    another model, the load-sharing pair.
+    If `pairs_only` is true, the list is also empty for gears given by their geometry, because their
+    sweeps use a different model, the load-sharing pair.
     """
     if target not in WANTED or (pairs_only and CONFIG.gears):
         return []
@@ -267,20 +269,20 @@ def if_wanted(target, files, pairs_only=False):
 # Functions of wildcards for scenes and measured sets.
 
 
-def cases_of_scene(wildcards):
-    """Return the cases of a scene as plain values, with the parameters of their gear pairs."""
-    return with_pairs(CONFIG.scenes[wildcards.scene].cases)
+def scene_cases(wildcards):
+    """Return the cases of a scene as plain values, including their gear pairs."""
+    return add_gear_pairs(CONFIG.scenes[wildcards.scene].cases)
 
 
-def criteria_of_scene(wildcards):
+def scene_criteria(wildcards):
     """Return observables, tolerance and candidate models for the comparison of a scene."""
     scene = config["scenes"][wildcards.scene]
     candidates = CONFIG.candidate_models(CONFIG.scenes[wildcards.scene])
-    return pick(scene, "observables", "tolerance") | {"candidates": candidates}
+    return select_keys(scene, "observables", "tolerance") | {"candidates": candidates}
 
 
-def label_of_scene(wildcards):
-    """Return the labels of a scene in the report: its name with spaces, and its dampings."""
+def scene_label(wildcards):
+    """Return the label of a scene in the report, with its name and its dampings."""
     number = r"Fig. \1: " if IS_PAPER else ""
     title = re.sub(r"^fig(\d+)_", number, wildcards.scene).replace("_", " ")
     dampings = dict.fromkeys(case["damping"] for case in config["scenes"][wildcards.scene]["cases"])
@@ -291,8 +293,8 @@ def label_of_scene(wildcards):
 MEASURED_SETS = measured_description.read_sets(CONFIG.measured)
 
 
-def files_of_set(wildcards):
-    """Return the files of a measured set: its description and its tables."""
+def measured_set_files(wildcards):
+    """Return the files of a measured set: the description and the tables."""
     path, description = MEASURED_SETS[wildcards.measured]
     return [path, *description.table_paths(path)]
 
@@ -300,10 +302,10 @@ def files_of_set(wildcards):
 # Parameters of methods, gears and designs.
 
 
-def jobs_of_gearbox():
-    """Return (stage, load case) of the stages of a gearbox, and the load cases of the whole box.
+def list_gearbox_jobs():
+    """Return the pairs (stage, load case) to compute, and the load cases of the whole gearbox.
 
-    Both are empty unless the target gearbox is wanted.
+    Both lists are empty unless the target gearbox is to be computed.
     """
     if "gearbox" not in WANTED:
         return [], []
@@ -312,30 +314,30 @@ def jobs_of_gearbox():
     try:
         stages, boxes, _ = list_computations(CONFIG.gearbox.file)
     except (OSError, ValueError) as error:
-        refuse(f"The configuration is refused.\ngearbox.file: {error}")
+        exit_with_error(f"The configuration is refused.\ngearbox.file: {error}")
     return stages, boxes
 
 
-def label_of_box(title):
-    """Return a function of wildcards that returns the labels of a figure of the whole box."""
+def gearbox_label(title):
+    """Return a function of wildcards that returns the label of a figure of the whole gearbox."""
     return lambda wildcards: {"figure": f"{title}, load case {BOXES[int(wildcards.number)]}"}
 
 
-def not_installed(methods):
-    """Return those of the methods whose packages are not installed."""
+def select_missing_packages(methods):
+    """Return the methods whose packages are not installed."""
     return [name for name in dict.fromkeys(methods) if not targets.is_installed(name)]
 
 
-def stages(section):
-    """Return the gears of a section of the configuration as plain values, by name."""
+def stage_descriptions(section):
+    """Return the gear stages of a section of the configuration as a dict of plain values."""
     pairs = stage_sections(CONFIG, section)
-    return canonical({name: pair.model_dump() for name, pair in pairs.items()})
+    return to_plain_values({name: pair.model_dump() for name, pair in pairs.items()})
 
 
-def names_of_stages(section, teeth=False):
-    """Return a text with the names of the gears of a section for figures.
+def stage_names(section, teeth=False):
+    """Return the names of the gears of a section as a text for figures.
 
-    With `teeth`, they are computed as load-sharing pairs, and the text names their stiffness.
+    If `teeth` is true, the gears are load-sharing pairs, and the text includes their stiffness.
     """
     pairs, suffix = stage_sections(CONFIG, section).values(), ""
     if teeth:
@@ -352,23 +354,23 @@ def teeth_over_speed():
     """Return the model and, if known, the operating speed for the target dynamic_factor."""
     if uses_configured_gears(CONFIG, "dynamic_factor"):
         return {"model": next(iter(MODELS.values())), "speed": CONFIG.gears.speed}
-    gears = canonical(CONFIG.dynamic_factor.gears.model_dump())
+    gears = to_plain_values(CONFIG.dynamic_factor.gears.model_dump())
     damping = {"damping_ratio": CONFIG.dynamic_factor.damping_ratio}
     return {"model": {"model": "teeth", "gears": gears, "damping": damping, "pitch_errors": False}}
 
 
 #: Arguments of the target tolerances that describe the designs.
-DESIGNS = canonical(
+DESIGNS = to_plain_values(
     {
         "pair": CONFIG.pair(CONFIG.tolerances.damping),
         "tolerances": (
             {} if targets.refusal_reason("tolerances", CONFIG) else CONFIG.tolerance_distributions()
         ),
-        **pick(config["tolerances"], "seed", "quantities"),
+        **select_keys(config["tolerances"], "seed", "quantities"),
     }
 )
 if CONFIG.tolerances.apply_to_geometry() and CONFIG.gears:
-    DESIGNS["gears"] = canonical(CONFIG.gears.geometry_dict())
+    DESIGNS["gears"] = to_plain_values(CONFIG.gears.geometry_dict())
 
 #: The gears of the Harris map.
 HARRIS_PAIR = next(iter(stage_sections(CONFIG, "harris_map").values()))
@@ -392,7 +394,7 @@ config["captions"] = {
         else "the reducer with equal branches, in which every mesh has the damping "
         f"{CONFIG.reducer.damping}"
     ),
-    "missing": ", ".join(not_installed(CONFIG.work_precision.methods)),
+    "missing": ", ".join(select_missing_packages(CONFIG.work_precision.methods)),
     "stiffness_pairs": " and ".join(stage_sections(CONFIG, "mesh_stiffness")),
     "reliefs_left_out": bool(
         CONFIG.gears

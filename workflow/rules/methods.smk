@@ -14,7 +14,7 @@ use rule _compute as compute_analytic_method with:
         pair=PAIRS[config["analytic_method"]["damping"]],
         settings=config["analytic_method"],
         run=RUN,
-        tunings=grid(config["analytic_method"]),
+        tunings=tuning_grid(config["analytic_method"]),
 
 
 use rule _draw as draw_analytic_method with:
@@ -47,11 +47,11 @@ use rule _compute as compute_stability_chart with:
     output:
         "results/stability_chart.nc",
     params:
-        **pick(config["stability_chart"], "steps", "methods"),
+        **select_keys(config["stability_chart"], "steps", "methods"),
         function="gearlib.studies.trials.stability_of_methods:compute_spectral_radii",
         pair=PAIRS[config["stability_chart"]["damping"]],
-        tunings=grid(config["stability_chart"]),
-        fine_tunings=grid(config["stability_chart"], "fine_step"),
+        tunings=tuning_grid(config["stability_chart"]),
+        fine_tunings=tuning_grid(config["stability_chart"], "fine_step"),
 
 
 use rule _draw as draw_stability_chart with:
@@ -119,7 +119,7 @@ use rule _draw as draw_failures with:
     params:
         draw="methods_figure.draw_failures",
         gears="paper's pair and others, in problems of its own",
-        absent=not_installed(trial["method"] for trial in TRIALS.values()),
+        absent=select_missing_packages(trial["method"] for trial in TRIALS.values()),
 
 
 # Errors of the methods on test problems, over evaluations and wall time.
@@ -127,7 +127,7 @@ use rule _draw as draw_failures with:
 PROBLEMS = {
     "pair": UNDAMPED,
     "six_degrees": SIX_DEGREES,
-    "settings": without(config["work_precision"], "methods", "problems", "repeats"),
+    "settings": exclude_keys(config["work_precision"], "methods", "problems", "repeats"),
 }
 INSTALLED = [*filter(targets.is_installed, config["work_precision"]["methods"])]
 WORK_PRECISION_SOURCES = sources_by_method("compute", "studies.trials.work_precision")
@@ -212,4 +212,4 @@ use rule _draw as draw_work_precision with:
         figure_files("work_precision_time", "Work and precision: wall time", METHODS),
     params:
         draw="methods_figure.draw_work_precision",
-        absent=not_installed(config["work_precision"]["methods"]),
+        absent=select_missing_packages(config["work_precision"]["methods"]),

@@ -13,7 +13,7 @@ use rule _compute as compute_run_ups with:
     output:
         "results/run_ups.nc",
     params:
-        **pick(config["run_ups"], "start", "stop", "damping", "revolutions"),
+        **select_keys(config["run_ups"], "start", "stop", "damping", "revolutions"),
         function="gearlib.studies.run_ups:run_ups_at_several_rates",
         model=MODELS[config["run_ups"]["damping"]],
         pair=PAIRS[config["run_ups"]["damping"]],
@@ -51,9 +51,9 @@ use rule _compute as compute_jump with:
     params:
         function="gearlib.studies.jump:compute_jump_and_shifts",
         pair=PAIRS[config["jump"]["damping"]],
-        settings=without(config["jump"], "marked"),
+        settings=exclude_keys(config["jump"], "marked"),
         run=RUN,
-        tunings=grid(config["jump"]),
+        tunings=tuning_grid(config["jump"]),
 
 
 use rule _draw as draw_jump with:
@@ -67,7 +67,7 @@ use rule _draw as draw_jump with:
         figure_files("fig6_jump", "Beside Fig. 6: what moves the jump from rest", EXPLANATIONS),
     params:
         draw="branches_figure.draw_jump",
-        settings=pick(config["jump"], "marked"),
+        settings=select_keys(config["jump"], "marked"),
 
 
 # Classification of motions as periodic, quasi-periodic or chaotic: the strip of Fig. 3.
@@ -85,8 +85,8 @@ use rule _compute as label with:
         function="gearlib.studies.paper:classify_motions",
         model=lambda wildcards: MODELS[wildcards.damping],
         pair=lambda wildcards: PAIRS[wildcards.damping],
-        tunings=grid(config["labels"]),
-        settings=without(config["labels"], *GRID),
+        tunings=tuning_grid(config["labels"]),
+        settings=exclude_keys(config["labels"], *GRID),
         damping="{damping}",
 
 
@@ -105,7 +105,7 @@ use rule _compute as compute_branches with:
         function="gearlib.studies.resonance:compute_branches",
         damping="{damping}",
         pair=lambda wildcards: PAIRS[wildcards.damping],
-        settings=without(config["branches"], "loci"),
+        settings=exclude_keys(config["branches"], "loci"),
 
 
 use rule _compute as loci with:
@@ -117,8 +117,8 @@ use rule _compute as loci with:
     output:
         "results/loci.nc",
     params:
-        **pick(config["branches"], "start", "stop"),
-        **pick(config["branches"]["loci"], "lowest", "highest"),
+        **select_keys(config["branches"], "start", "stop"),
+        **select_keys(config["branches"]["loci"], "lowest", "highest"),
         function="gearlib.studies.resonance:compute_loci",
         pair=PAIRS[CONFIG.branches.loci.damping],
 
@@ -185,7 +185,7 @@ use rule _compute as compute_nonlinear_damping with:
         settings=config["nonlinear_damping"],
         run=RUN,
         samples_per_period=config["run"]["samples_per_period"],
-        tunings=grid(config["nonlinear_damping"]),
+        tunings=tuning_grid(config["nonlinear_damping"]),
         place="{place}",
         power="{power}",
 
@@ -237,12 +237,12 @@ use rule _compute as compare_models with:
         "results/models/{scene}.nc",
     params:
         function="gearlib.studies.scenes:compare_models",
-        cases=cases_of_scene,
-        criteria=criteria_of_scene,
+        cases=scene_cases,
+        criteria=scene_criteria,
         six_degrees=SIX_DEGREES,
         harmonics=config["models"]["harmonics"],
         run=RUN,
-        starts=pick(config["models"], *STARTS),
+        starts=select_keys(config["models"], *STARTS),
 
 
 use rule _table as model_table with:
@@ -286,8 +286,8 @@ use rule _compute as compute_parametric_resonance with:
     params:
         function="gearlib.studies.stability:compute_stability_chart",
         pair=UNDAMPED,
-        settings=without(config["parametric_resonance"], "asked", *GRID),
-        tunings=grid(config["parametric_resonance"]),
+        settings=exclude_keys(config["parametric_resonance"], "asked", *GRID),
+        tunings=tuning_grid(config["parametric_resonance"]),
 
 
 use rule _compute as tongues with:
@@ -299,11 +299,11 @@ use rule _compute as tongues with:
     output:
         "results/tongues.nc",
     params:
-        **pick(config["parametric_resonance"], "start", "stop"),
+        **select_keys(config["parametric_resonance"], "start", "stop"),
         function="gearlib.studies.stability:find_contact_loss_causes",
         pairs=PAIRS,
         tuning=config["parametric_resonance"]["asked"],
-        run=pick(RUN, "periods", "initial_state"),
+        run=select_keys(RUN, "periods", "initial_state"),
 
 
 use rule _table as parametric_resonance_table with:
@@ -348,8 +348,8 @@ use rule _compute as compute_basins with:
     priority: LONG
     params:
         function="gearlib.studies.global_picture:compute_basins",
-        cases=with_pairs(CONFIG.basins.cases),
-        settings=without(config["basins"], "cases"),
+        cases=add_gear_pairs(CONFIG.basins.cases),
+        settings=exclude_keys(config["basins"], "cases"),
 
 
 use rule _draw as draw_basins with:
@@ -365,7 +365,7 @@ use rule _draw as draw_basins with:
         draw="global_picture_figure.draw_basins",
 
 
-BIFURCATION_PAIR = canonical(CONFIG.pair(CONFIG.bifurcation.damping))
+BIFURCATION_PAIR = to_plain_values(CONFIG.pair(CONFIG.bifurcation.damping))
 
 
 use rule _compute as compute_bifurcation with:
@@ -381,9 +381,9 @@ use rule _compute as compute_bifurcation with:
     params:
         function="gearlib.studies.global_picture:compute_bifurcation",
         pair=BIFURCATION_PAIR,
-        tunings=grid(config["bifurcation"]),
-        coarse=grid(config["bifurcation"], "share_step"),
-        settings=without(config["bifurcation"], "damping"),
+        tunings=tuning_grid(config["bifurcation"]),
+        coarse=tuning_grid(config["bifurcation"], "share_step"),
+        settings=exclude_keys(config["bifurcation"], "damping"),
 
 
 use rule _compute as bifurcation_branches with:
@@ -398,7 +398,8 @@ use rule _compute as bifurcation_branches with:
         function="gearlib.studies.resonance:compute_branches",
         damping="of the bifurcation diagram",
         pair=BIFURCATION_PAIR,
-        settings=without(config["branches"], "loci") | pick(config["bifurcation"], "start", "stop"),
+        settings=exclude_keys(config["branches"], "loci")
+        | select_keys(config["bifurcation"], "start", "stop"),
 
 
 use rule _draw as draw_bifurcation with:
@@ -428,8 +429,8 @@ use rule _compute as compute_poincare with:
         "results/poincare.nc",
     params:
         function="gearlib.studies.global_picture:compute_poincare_sections",
-        cases=with_pairs(CONFIG.poincare.cases),
-        settings=without(config["poincare"], "cases"),
+        cases=add_gear_pairs(CONFIG.poincare.cases),
+        settings=exclude_keys(config["poincare"], "cases"),
 
 
 use rule _draw as draw_poincare with:

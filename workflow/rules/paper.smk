@@ -12,11 +12,11 @@ use rule _compute as compute_phase_lag with:
     output:
         "results/phase_lag.nc",
     params:
-        **pick(config["phase_lag"], "tuning", "harmonics", "periods"),
+        **select_keys(config["phase_lag"], "tuning", "harmonics", "periods"),
         function="gearlib.studies.paper:compute_phase_lag",
         pair=UNDAMPED,
         dampings=config["phase_lag"]["material_dampings"],
-        tunings=grid(config["phase_lag"]),
+        tunings=tuning_grid(config["phase_lag"]),
         samples_per_period=config["run"]["samples_per_period"],
 
 
@@ -45,7 +45,7 @@ use rule _compute as sweep_window with:
     output:
         "results/resonance/{damping}/{direction}/{window}.nc",
     params:
-        **pick(config["resonance"], "step", "lowest"),
+        **select_keys(config["resonance"], "step", "lowest"),
         function="gearlib.studies.resonance:sweep_window",
         model=lambda wildcards: MODELS[wildcards.damping],
         pair=lambda wildcards: PAIRS[wildcards.damping],
@@ -108,7 +108,9 @@ use rule _compute as phase_plane with:
         "results/phase_planes/{damping}/{tuning}.nc",
     params:
         function="gearlib.studies.paper:simulate_phase_portrait",
-        model=lambda wildcards: canonical(CONFIG.model_description(wildcards.damping, pitch_errors=True)),
+        model=lambda wildcards: to_plain_values(
+            CONFIG.model_description(wildcards.damping, pitch_errors=True)
+        ),
         pair=lambda wildcards: PAIRS[wildcards.damping],
         tuning=lambda wildcards: tunings.parse_name(wildcards.tuning)[0],
         run=GEARS_SAMPLED_RUN,
@@ -159,10 +161,10 @@ use rule _compute as scene with:
         "results/scenes/{scene}.nc",
     params:
         function="gearlib.studies.scenes:simulate_scene_with_chosen_model",
-        cases=cases_of_scene,
+        cases=scene_cases,
         six_degrees=SIX_DEGREES,
         run=SAMPLED_RUN,
-        starts=pick(config["models"], *STARTS),
+        starts=select_keys(config["models"], *STARTS),
 
 
 use rule _draw as draw_scene with:
@@ -172,10 +174,10 @@ use rule _draw as draw_scene with:
         scene="results/scenes/{scene}.nc",
         sources=sources_of("draw", "figures.motions_figure"),
     output:
-        figure_files("{scene}", label_of_scene, PAPER, caption="scene"),
+        figure_files("{scene}", scene_label, PAPER, caption="scene"),
     params:
         draw="motions_figure.draw_scene",
-        settings=lambda wildcards: pick(
+        settings=lambda wildcards: select_keys(
             config["scenes"][wildcards.scene], "courses", "periods_shown"
         ),
 

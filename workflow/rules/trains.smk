@@ -16,8 +16,8 @@ use rule _compute as compute_reducer with:
     params:
         function="gearlib.studies.trains:sweep_reducer",
         pair=PAIRS[config["reducer"]["damping"]],
-        tunings=grid(config["reducer"]),
-        settings=without(config["reducer"], "damping", *GRID),
+        tunings=tuning_grid(config["reducer"]),
+        settings=exclude_keys(config["reducer"], "damping", *GRID),
 
 
 use rule _table as reducer_table with:
@@ -49,7 +49,7 @@ use rule _draw as draw_reducer with:
 # All meshes of the configured train over speed.
 
 TRAIN = gear_names.train_name(CONFIG)
-TRAIN_PARAMETERS = canonical(CONFIG.model_description(CONFIG.train_sweep.damping, "train"))
+TRAIN_PARAMETERS = to_plain_values(CONFIG.model_description(CONFIG.train_sweep.damping, "train"))
 
 
 use rule _compute as compute_train_sweep with:
@@ -63,8 +63,8 @@ use rule _compute as compute_train_sweep with:
     params:
         function="gearlib.studies.trains:sweep_train",
         train=TRAIN_PARAMETERS,
-        tunings=grid(config["train_sweep"]),
-        settings=without(config["train_sweep"], "damping", *GRID),
+        tunings=tuning_grid(config["train_sweep"]),
+        settings=exclude_keys(config["train_sweep"], "damping", *GRID),
 
 
 use rule _draw as draw_train_sweep with:
@@ -99,7 +99,7 @@ use rule _compute as compute_campbell with:
             if HAS_OWN_TRAIN
             else {
                 "pair": PAIRS[config["reducer"]["damping"]],
-                "settings": without(config["reducer"], "damping", *GRID, *STARTS),
+                "settings": exclude_keys(config["reducer"], "damping", *GRID, *STARTS),
             }
         ),
         function="gearlib.studies.trains:compute_campbell_diagram",

@@ -5,7 +5,7 @@ use rule _compute as measured_curve with:
     pathvars:
         job="measured/{measured}",
     input:
-        measured=files_of_set,
+        measured=measured_set_files,
         resonance="results/resonance.nc",
         sources=sources_of("compute", "studies.measured"),
     output:
@@ -19,7 +19,7 @@ use rule _compute as measured_course with:
     pathvars:
         job="measured/courses/{measured}",
     input:
-        measured=files_of_set,
+        measured=measured_set_files,
         kernels=KERNELS,
         sources=sources_of("compute", "studies.measured"),
     output:
@@ -35,7 +35,7 @@ use rule _compute as measured_orders with:
     pathvars:
         job="measured/orders/{measured}",
     input:
-        measured=files_of_set,
+        measured=measured_set_files,
         kernels=KERNELS,
         matrix_kernels=MATRIX_KERNELS,
         sources=sources_of("compute", "studies.measured"),
@@ -105,9 +105,9 @@ use rule _compute as tolerance_shard with:
         "results/tolerances/{samples}.nc",
     params:
         **DESIGNS,
-        **pick(config["tolerances"], "samples", "directions", "periods", "record_periods"),
+        **select_keys(config["tolerances"], "samples", "directions", "periods", "record_periods"),
         function="gearlib.studies.tolerance_study:compute_scatter_shard",
-        tunings=grid(config["tolerances"]),
+        tunings=tuning_grid(config["tolerances"]),
         box=[[-end, end] for end in config["tolerances"]["box"]],
         shard="{samples}",
 

@@ -1,15 +1,15 @@
-"""Check the paper's statements against the computed data."""
+"""Check the statements of the paper against the computed data."""
 
 from pathlib import Path
 
 from gearlib.data.files import write_csv, write_html_table
 from gearlib.models.from_values import build_model
 from gearlib.studies import claims
-from job import datasets, redirect_output
+from job import read_datasets, redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    data = datasets(snakemake.input)
+    data = read_datasets(snakemake.input)
     names = [Path(path).stem for path in snakemake.input.scenes]
     data["scenes"] = dict(zip(names, data["scenes"], strict=True))
     pair = build_model(snakemake.params.pair)

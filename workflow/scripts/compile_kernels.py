@@ -1,4 +1,4 @@
-"""Compile the kernels of gear pairs into the cache; write the hash of their sources to a file."""
+"""Compile the kernels of gear pairs to the cache, and write the hash of their sources to a file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Compile the kernels of an engine, matrix or taylor; write the hash of the sources to a file."""
+"""Compile the kernels of the engine matrix or taylor, and write the hash of the sources."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Harmonics
 from job import redirect_output
 
-#: Engine -> arguments of the smallest model that runs on it.
+#: Engine -> arguments of the smallest model that needs this engine.
 MODELS = {"matrix": {"deviation": Harmonics((1e-6,))}, "taylor": {"cubic_damping": 1.0}}
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from pkgutil import resolve_name
 
 from gearlib.data import storage
 from gearlib.models.from_values import build_models
-from job import datasets, redirect_output
+from job import read_datasets, redirect_output
 
 
 def main(job):
@@ -17,7 +17,7 @@ def main(job):
     function = resolve_name(job.params.function)
     if "threads" in inspect.signature(function).parameters:
         arguments["threads"] = job.threads
-    results = function(**arguments, **datasets(job.input))
+    results = function(**arguments, **read_datasets(job.input))
     if not isinstance(results, tuple):
         results = (results,)
     for dataset, path in zip(results, job.output, strict=True):

@@ -1,27 +1,27 @@
-"""Draw the figures of a rule in all formats, from its input datasets."""
+"""Draw the figures of a rule in all formats from its input datasets."""
 
 from pathlib import Path
 from pkgutil import resolve_name
 
 from gearlib.data import motions
 from gearlib.figures import style
-from job import datasets, redirect_output
+from job import read_datasets, redirect_output
 
 
 def draw_figures(files, paths, draw, settings, gears, absent, dpi):
-    """Draw the figures of a rule and save each in all formats.
+    """Draw the figures of a rule and save each of them in all formats.
 
-    `files` are the named inputs of the rule, `paths` its outputs. `draw` is the name of a function
-    of `gearlib.figures`, such as "orders_figure.draw", which is called with the datasets and the
-    `settings`. Figures are labelled with the text `gears` ("": no label) and with the methods whose
-    packages are `absent`; `dpi` is their resolution. Figures of the rectangular stiffness also tell
-    whether the load-sharing pair loses contact, from the sweeps in the input "teeth".
+    `files` are the named inputs of the rule, and `paths` its outputs. `draw` is the name of a
+    function in `gearlib.figures`, such as "orders_figure.draw", which is called with the datasets
+    and the `settings`. The caption of a figure is `gears` ("": no caption) and names the methods
+    whose packages are `absent`; `dpi` is the resolution. If there is an input "teeth" with sweeps
+    of the load-sharing pair, the caption also states whether this pair loses contact.
     """
-    data = datasets(files)
+    data = read_datasets(files)
     for teeth in data.pop("teeth", []):
         gears = f"{gears}. {motions.describe_contact_loss(teeth)}"
     figures = resolve_name(f"gearlib.figures.{draw}")(**data, **settings)
-    # The function of a rule with several figures returns a dict, name -> figure.
+    # A function that draws several figures returns a dict, name -> figure.
     has_several = isinstance(figures, dict)
     for figure in figures.values() if has_several else [figures]:
         style.add_gear_caption(figure, gears)
