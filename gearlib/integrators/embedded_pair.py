@@ -1,4 +1,4 @@
-"""The Dormand-Prince pair 4(5) under step control, sharp or smoothed contact, no events."""
+"""The Dormand-Prince pair 4(5) with step control, without events, for sharp or smoothed contact."""
 
 import numpy as np
 
@@ -34,21 +34,20 @@ class EmbeddedPair(Integrator):
         `rtol` is the relative tolerance of a step, `atol` the absolute one in static deflections. A
         step is at most `max_step` rad of mesh phase long, by default (None) a tenth of the run.
         """
-        return _Run(OneDegree(model, tuning), rtol=rtol, atol=atol, max_step=max_step)
+        return _AdaptiveRun(OneDegree(model, tuning), rtol=rtol, atol=atol, max_step=max_step)
 
 
 class Smoothed(Integrator):
     """Contact smoothed by tanh, at a tight tolerance.
 
-    The smoothed contact force differs from the exact force. Near the flank line it is too small by
-    up to 0.14 / sharpness times the mean mesh force in contact, and it is negative by as much just
-    out of contact. At a contact event both errors add up to an impulse of the order of
-    1 / sharpness^2. Samples hold the smoothed force, and their contact codes follow from the
-    displacement.
+    The smoothed contact force differs from the exact force. Close to first contact it is too small
+    by up to 0.14 / sharpness times the mean mesh force, and just out of contact it is negative by
+    the same amount. At a contact event the errors add up to an impulse of order 1 / sharpness^2.
+    Samples contain the smoothed force; their contact states follow from the displacement.
     """
 
     ORDER = 5
-    EVENTS = "none: contact and damping change smoothly; switches of stiffness by step control"
+    EVENTS = "none: contact and damping change smoothly; stiffness switches by step control"
     OPTIONS = {
         "sharpness": option(
             100.0,
@@ -64,32 +63,33 @@ class Smoothed(Integrator):
         The contact force is proportional to (1 + tanh(sharpness x)) / 2. `rtol` is the relative
         tolerance of a step, and also its absolute tolerance in static deflections.
         """
-        return _Run(OneDegree(model, tuning, sharpness), rtol=rtol, atol=rtol, max_step=None)
+        return _AdaptiveRun(
+            OneDegree(model, tuning, sharpness), rtol=rtol, atol=rtol, max_step=None
+        )
 
 
-class _Run(Run):
-    """Run of a model of one degree of freedom with adaptive step lengths."""
+class _AdaptiveRun(Run):
+    """Run of a model with one degree of freedom and adaptive step lengths."""
 
     problem: OneDegree
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole run from a state (x, x') at phase 0; return (state, status).
 
-        More than `max_events` attempted steps in one mesh period end the run with EVENT_LIMIT.
+        The status is EVENT_LIMIT if more than `max_events` steps are attempted in a mesh period.
         """
         problem, end = self.problem, MESH_PERIOD * self.periods
-        rtol, atol, max_step = (self.settings[name] for name in ("rtol", "atol", "max_step"))
+        rtol, atol, max_step = (self.solver_options[name] for name in ("rtol", "atol", "max_step"))
         step_control = StepControl(rtol, atol, max_step or 0.1 * MESH_PERIOD * self.periods)
-        # Length of the next step, number of the present mesh period, steps attempted in it.
+        # Length of the next step, index of the current mesh period, steps attempted in it.
         progress = np.zeros(3)
         equation = problem.mesh, problem.contact_law, step_control
         t, states = np.zeros(_STEPS_PER_RECORD + 1), np.empty((_STEPS_PER_RECORD + 1, 2))
         stages = np.empty((_STEPS_PER_RECORD, len(DENSE_WEIGHTS), 2))
         states[0] = state
-        # Strobes, the states at the starts of the last mesh periods, are recorded as well.
+        # The strobes (states at the starts of the last mesh periods) are also recorded.
         record_start = MESH_PERIOD * min(self.first_recorded, self.first_strobe)
-        # Each turn takes up to _STEPS_PER_RECORD steps and continues where the previous one has
-        # ended.
+        # Each iteration takes up to _STEPS_PER_RECORD steps.
         while t[0] < end:
             count, status, evaluations = take_embedded_steps(
                 equation, record_start, end, self.max_events, progress, t, states, stages
@@ -104,10 +104,10 @@ class _Run(Run):
     def _record_steps(self, t: np.ndarray, states: np.ndarray, stages: np.ndarray) -> None:
         """Record k steps, with extrema also at the points inside them that ode45 returns.
 
-        `t` has the mesh phases of the step ends, shape (k + 1,), `states` the states there, (k + 1,
-        2), and `stages` the derivatives (x', x'') at the seven Runge-Kutta stages, (k, 7, 2).
+        `t` are the mesh phases of the step ends, shape (k + 1,), `states`, (k + 1, 2), the states
+        there, and `stages`, (k, 7, 2), the derivatives (x', x'') at the seven Runge-Kutta stages.
         """
-        # Records count phases from the start of a mesh period.
+        # In records, phases are counted from the start of a mesh period.
         period, step_lengths = int(t[0] / MESH_PERIOD), np.diff(t)
         local_t = t - MESH_PERIOD * period
         # Coefficients of the powers 1 to 4 of the fraction of a step, shape (k, 2, 4).
@@ -117,7 +117,7 @@ class _Run(Run):
         def interpolate(phases: np.ndarray) -> np.ndarray:
             """Return the states, (n, 2), at phases inside the steps, (n,), by dense output.
 
-            Dense output is the polynomial of degree 4 that the method provides for each step.
+            The dense output of each step is a polynomial of degree 4.
             """
             i = np.searchsorted(local_t, phases, side="right") - 1
             i = np.clip(i, 0, len(step_lengths) - 1)

@@ -1,4 +1,4 @@
-"""Fixed steps across switches and contact: classical Runge-Kutta, Newmark, generalised-alpha."""
+"""Fixed-step methods without events: classical Runge-Kutta, Newmark and generalised-alpha."""
 
 import math
 from functools import partial
@@ -23,24 +23,26 @@ _STEPS_PER_RECORD = 8_192
 
 
 class FixedSteps(Integrator):
-    """Base class of methods with fixed steps; a subclass defines its `Scheme`."""
+    """Base class of fixed-step methods; a subclass defines its `Scheme`."""
 
-    EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
-    OPTIONS = {"steps_per_period": option(200, Count, "equal steps of one mesh period")}
-    #: ``scheme(**options)`` returns the `Scheme` for the options besides `steps_per_period`.
+    EVENTS = "steps cross switches and contact changes, located by linear interpolation"
+    OPTIONS = {"steps_per_period": option(200, Count, "number of equal steps per mesh period")}
+    #: ``scheme(**options)`` returns the `Scheme` for all options other than `steps_per_period`.
     scheme: Any
 
     def create_run(self, model, tuning: float, steps_per_period: int, **options) -> Run:
         """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
-        Each mesh period has `steps_per_period` equal steps. The other options of the method, such
-        as its treatment of contact, define its `Scheme`.
+        Each mesh period has `steps_per_period` equal steps. The other options, e.g. the treatment
+        of contact, define the `Scheme`.
         """
-        return _Run(right_hand_side(model, tuning), steps_per_period, self.scheme(**options))
+        return _FixedStepRun(
+            right_hand_side(model, tuning), steps_per_period, self.scheme(**options)
+        )
 
 
 class RungeKutta(FixedSteps):
-    """Classical Runge-Kutta, as Simulink's ode4."""
+    """The classical Runge-Kutta method, like Simulink's ode4."""
 
     ORDER = 4
     MODELS = f"{Integrator.MODELS}, or gear trains"
@@ -55,7 +57,7 @@ class RungeKutta(FixedSteps):
 
 
 class Newmark(FixedSteps):
-    """Newmark's average acceleration, gamma = 1/2 and beta = 1/4."""
+    """Newmark's average-acceleration method, gamma = 1/2 and beta = 1/4."""
 
     ORDER = 2
     OPTIONS = {
@@ -63,7 +65,7 @@ class Newmark(FixedSteps):
         "contact": option(
             "iterated",
             Annotated[Literal["frozen", "iterated"], CHOICE],
-            "contact and damping from the start of the step, or iterated to a residual of rounding",
+            "contact and damping frozen at the start of the step, or iterated to rounding error",
         ),
     }
 
@@ -93,8 +95,8 @@ class GeneralisedAlpha(FixedSteps):
         """Return the `Scheme` with Chung and Hulbert's optimal parameters.
 
         If `contact` is "frozen", a step uses contact and damping at its start; if it is "iterated",
-        they are iterated until the equation of motion holds. `spectral_radius`, from 0 to 1, is the
-        spectral radius at infinite frequency: the factor by which a step damps the fastest motions.
+        they are iterated until the equation of motion is satisfied. `spectral_radius`, from 0 to 1,
+        is the spectral radius at infinite frequency, which determines the numerical damping.
         """
         alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
         alpha_f = spectral_radius / (spectral_radius + 1.0)
@@ -104,29 +106,29 @@ class GeneralisedAlpha(FixedSteps):
         return Scheme(runge_kutta=False, iterated=contact == "iterated", **constants)
 
 
-class _Run(Run):
-    """Run of a model in equal steps."""
+class _FixedStepRun(Run):
+    """Run of a model with fixed steps."""
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, steps_per_period: int, scheme: Scheme):
         """Store the right-hand side and the scheme, and tabulate the excitation of all steps.
 
         `problem` is the right-hand side of a model; a mesh period has `steps_per_period` steps.
-        `scheme` is the classical Runge-Kutta or the generalised-alpha method with its constants.
+        `scheme` is the Runge-Kutta or generalised-alpha method with its constants.
         """
         super().__init__(problem)
         self.steps_per_period, self.scheme = steps_per_period, scheme
         if isinstance(problem, OneDegree):
-            # Point inside a step at which the method evaluates stiffness and external force.
+            # Position in a step at which the method evaluates stiffness and external force.
             middle_fraction = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
             self.excitation = tabulate_excitation(problem.mesh, steps_per_period, middle_fraction)
-            # NaN means that the first step takes the acceleration from the equation of motion.
+            # With NaN, the first step computes the acceleration from the equation of motion.
             self.acceleration = math.nan
 
     def _take_steps(self, period: int, states: np.ndarray) -> int:
-        """Take k steps from the start of mesh period `period` and return the status.
+        """Take k steps from the start of mesh period number `period` and return the status.
 
-        The first row of `states`, shape (k + 1, size), is the initial state; the steps fill the
-        other rows.
+        The first row of `states`, shape (k + 1, size), is the initial state, and the other rows are
+        filled with the states at the step ends.
         """
         problem = self.problem
         if isinstance(problem, OneDegree):
@@ -143,8 +145,8 @@ class _Run(Run):
     def _interpolate(self, t: np.ndarray, states: np.ndarray, phases: np.ndarray) -> np.ndarray:
         """Return the states, (n, size), at mesh `phases`, (n,), by cubic Hermite interpolation.
 
-        The steps end at the phases t, shape (k + 1,), with `states`, shape (k + 1, size). The
-        polynomial of a step has the states and the rates of change at both of its ends.
+        `t`, shape (k + 1,), are the phases of the step ends, and `states`, shape (k + 1, size), the
+        states there. The cubic of a step matches the states and their derivatives at both ends.
         """
         # Index of the step in which each phase lies.
         i = np.clip(np.searchsorted(t, phases, side="right") - 1, 0, len(t) - 2)
@@ -159,17 +161,17 @@ class _Run(Run):
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole run from a state at phase 0; return (final state, status).
 
-        Steps are taken in batches of whole mesh periods, of which only the last ones are recorded.
+        Steps are taken in batches of whole mesh periods, and only the last batches are recorded.
         """
         steps, period = self.steps_per_period, 0
         periods_per_batch = max(1, _STEPS_PER_RECORD // steps)
         batch_states = np.empty((min(periods_per_batch, self.periods) * steps + 1, state.size))
         period_starts = MESH_PERIOD * np.arange(periods_per_batch + 1)[:, None]
         batch_phases = (period_starts + MESH_PERIOD / steps * np.arange(steps)).ravel()
-        # Strobes, the states at the starts of the last mesh periods, are recorded as well.
+        # The strobes (states at the starts of the last mesh periods) are also recorded.
         record_start = min(self.first_recorded, self.first_strobe)
         while period < self.periods:
-            # A batch of mesh periods is recorded completely or not at all.
+            # Each batch of mesh periods is recorded either completely or not at all.
             next_stop = record_start if period < record_start else self.periods
             period_count = min(periods_per_batch, next_stop - period)
             states = batch_states[: period_count * steps + 1]

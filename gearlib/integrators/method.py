@@ -1,9 +1,9 @@
-"""Base class of the methods of integration, and the default methods "exact" and "taylor"."""
+"""Base class of the integration methods, and the default methods "exact" and "taylor"."""
 
 from importlib.util import find_spec
 from typing import Annotated, Any, ClassVar, NamedTuple
 
-from gearlib.engines.orbit import Record, Rows, Span
+from gearlib.engines.orbit import Record, Span, SweepTables
 from gearlib.engines.protocol import run_all_tunings
 from gearlib.parameters import Parameter, Positive, described
 
@@ -14,14 +14,14 @@ def option(default: Any, value_type: Any, meaning: str) -> Parameter:
 
 
 class MissingPackage(ImportError, ValueError):
-    """The error that a method needs a package that is not installed."""
+    """Raised if a method requires a package that is not installed."""
 
 
 class Package(NamedTuple):
-    """A package that a method needs."""
+    """A package that is required by a method."""
 
-    module: str  #: name for its import
-    distribution: str  #: name for its installation
+    module: str  #: name of the module to import
+    distribution: str  #: name of the distribution to install
 
     def available(self) -> bool:
         """Return whether the package is installed, without importing it."""
@@ -32,25 +32,25 @@ class Package(NamedTuple):
         return f"pip install {self.distribution}"
 
 
-#: Options that several methods have.
+#: Options of several methods.
 RELATIVE_TOLERANCE = option(1e-3, Positive, "relative tolerance of a step")
 ABSOLUTE_TOLERANCE = option(1e-6, Positive, "absolute tolerance, static deflections and dx/dtau")
 
 
 class Integrator:
-    """Base class of methods of integration for models of one degree of freedom.
+    """Base class of integration methods, by default for models with one degree of freedom.
 
-    Subclasses define `create_run` and, if they can run other models, `supports`.
+    Subclasses define `create_run` and, if they support other models, `supports`.
     """
 
-    #: Order of the steps; None for closed forms and for solvers of several orders.
+    #: Order of accuracy; None for closed forms and for a choice of solvers.
     ORDER: ClassVar[int | None] = None
-    #: Descriptions of the treatment of events and of the models that the method can run.
+    #: Descriptions of the treatment of events and of the supported models.
     EVENTS: ClassVar[str] = ""
     MODELS: ClassVar[str] = "one degree of freedom, any damping, stiffness and excitation"
     #: Option name -> `Parameter`.
     OPTIONS: ClassVar[dict] = {}
-    #: Package that the method needs in addition to the requirements of the library, or None.
+    #: Package that the method requires in addition to those of the library, or None.
     PACKAGE: ClassVar[Package | None] = None
 
     #: ``create_run(model, tuning, **options)`` returns a `gearlib.integrators.run.Run`.
@@ -65,15 +65,17 @@ class Integrator:
         record has `samples` samples per recorded period, and events only if `keep_events`.
         `options` are the options of the method, such as tolerances.
         """
-        # One row in the event table only means that events are kept; the run replaces the table.
+        # A table with one row indicates that events are kept; the run replaces this table.
         tables = model.empty_record(span.recorded * samples, int(keep_events))
         return self.create_run(model, tuning, **options).run(state, span, *tables)
 
     def supports(self, model) -> bool:
-        """Return whether the method can run a model, by default one with one degree of freedom."""
+        """Return whether the method supports a model, by default with one degree of freedom."""
         return model.has_pair_equation
 
-    def sweep(self, model, tunings, order, state, warm_start, span, rows: Rows, **options) -> None:
+    def sweep(
+        self, model, tunings, order, state, warm_start, span, rows: SweepTables, **options
+    ) -> None:
         """Run a model at many tunings, shape (n,), over a span of mesh periods; fill `rows`.
 
         A tuning is mesh frequency / natural frequency. `rows` holds result tables with a row for
@@ -83,7 +85,7 @@ class Integrator:
         """
 
         def run(tuning, previous_record):
-            """Run at a tuning from the end of the previous run if given, else from `state`."""
+            """Run the model from the end of the previous run, or from `state` if it is None."""
             initial_state = tuple(previous_record.final) if previous_record else state
             return self.run(model, tuning, initial_state, span, keep_events=False, **options)
 
@@ -91,7 +93,7 @@ class Integrator:
 
 
 class Exact(Integrator):
-    """Closed forms between events: linear damping and rectangular stiffness."""
+    """Closed-form solutions between events, for linear damping and rectangular stiffness."""
 
     NAME = "exact"
     EVENTS = "arcs end at switches and crossings, which are isolated by proof"
@@ -108,7 +110,7 @@ class Exact(Integrator):
         record has `samples` samples per recorded period, and events only if `keep_events`.
         `options` are the options of the method.
         """
-        # The engine that computes the exact motion of this model at this tuning.
+
         propagator = model.propagator(tuning, self.NAME, **options)
         converted_state = propagator.initial_state(state)
         return propagator.run(converted_state, span, samples, keep_events=keep_events)
@@ -121,16 +123,17 @@ class Exact(Integrator):
         `warm_start` each run starts from the final state of the previous run, else from `state`.
         `options` are the options of the method.
         """
-        # Any propagator of the model can sweep; it creates a propagator for each tuning.
+        # The propagator at any tuning can run a sweep; it creates a propagator for each tuning.
         propagator = model.propagator(tunings[0], self.NAME, **options)
         propagator.sweep(tunings, order, state, warm_start, span, rows)
 
 
 class Taylor(Exact):
-    """Taylor steps of order 20 that end at events: every model of one degree of freedom."""
+    """Taylor steps of order 20 that end at events, for all models with one degree of freedom."""
 
     NAME = "taylor"
-    # Order and tolerance of `gearlib.engines.taylor.propagator`, which is loaded where it runs.
+    # These are the order and the tolerance of `gearlib.engines.taylor.propagator`, which is slow to
+    # load.
     ORDER = 20
     EVENTS = "steps end at switches and crossings, which are isolated in Bernstein form"
     MODELS = Integrator.MODELS

@@ -1,13 +1,13 @@
-"""Dimensionless right-hand sides of models as functions of phase, for methods with steps.
+"""Dimensionless right-hand sides of models as functions of phase, for step-by-step methods.
 
-A branch of a model is one stiffness segment with one contact code for each of its m meshes. If the
+A branch of a model is one stiffness segment with one contact state for each of its m meshes. If the
 phase t is an array, shape (k,), states have the shape (k, size), and results have a row for each
 phase. Both classes have the attributes
 
 ``segment_bounds, first_segment``
     phases that bound the segments, and the index of the first segment of each mesh period;
 ``below_mean``
-    whether the stiffness is below its mean, by contact code + 1, segment and mesh;
+    whether the stiffness is below its mean, by contact state + 1, segment and mesh;
 ``excitation_period``
     number of mesh periods after which the excitation repeats;
 ``backlashes, may_jam``
@@ -21,11 +21,11 @@ import numpy as np
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.linear.train_run import set_initial_contacts
 from gearlib.engines.linear.train_system import (
-    allocate_run_storage,
+    allocate_run_state,
     fill_system_matrix,
     set_harmonics,
 )
-from gearlib.engines.pair.motion import contact_between
+from gearlib.engines.pair.motion import contact_state_with_lines
 from gearlib.integrators.steps import equation_of_motion
 from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE
 
@@ -34,24 +34,24 @@ DRIVE_FLANK, COAST_FLANK = 0, 1
 
 
 def right_hand_side(model, tuning: float) -> "OneDegree | PiecewiseLinear":
-    """Return the right-hand side of a model at a tuning, mesh frequency / natural frequency."""
+    """Return the right-hand side of a model at a tuning (mesh frequency / natural frequency)."""
     return PiecewiseLinear(model, tuning) if model.equation is None else OneDegree(model, tuning)
 
 
-def contact_codes_at(flank_distances: np.ndarray) -> np.ndarray:
-    """Return the contact codes of m meshes, shape (..., m), for their flank distances.
+def contact_states_at(flank_distances: np.ndarray) -> np.ndarray:
+    """Return the contact states of m meshes, shape (..., m), for their flank distances.
 
-    A code is 1 (contact on the drive flank), 0 (no contact) or -1 (coast flank). `flank_distances`,
-    shape (..., 2, m), are signed distances from the drive and the coast flank; a drive flank
-    touches at a distance >= 0, a coast flank at a distance <= 0.
+    A contact state is 1 (contact on the drive flank), 0 (no contact) or -1 (coast flank).
+    `flank_distances`, shape (..., 2, m), are signed distances from the drive and the coast flank; a
+    drive flank touches at a distance >= 0, a coast flank at a distance <= 0.
     """
     drive_distances = flank_distances[..., DRIVE_FLANK, :]
-    coast_codes = np.where(flank_distances[..., COAST_FLANK, :] <= 0.0, COAST, NO_CONTACT)
-    return np.where(drive_distances >= 0.0, DRIVE, coast_codes)
+    coast_states = np.where(flank_distances[..., COAST_FLANK, :] <= 0.0, COAST, NO_CONTACT)
+    return np.where(drive_distances >= 0.0, DRIVE, coast_states)
 
 
 class _RightHandSide:
-    """Base class of right-hand sides: stiffness segments and contact codes."""
+    """Base class of right-hand sides: stiffness segments and contact states."""
 
     segment_bounds: Any
     flank_distances: Any
@@ -60,7 +60,7 @@ class _RightHandSide:
     def segment_after(self, t: float | np.ndarray) -> np.ndarray:
         """Return the index of the segment of constant stiffness just after the mesh phase t.
 
-        Within rounding, a phase at a switch of stiffness belongs to the segment that begins there.
+        A phase at a stiffness switch, up to rounding, belongs to the segment that begins there.
         """
         phase = (t + SAME_PHASE_TOLERANCE) % self.segment_bounds[-1]
         next_bound = np.searchsorted(self.segment_bounds, phase, side="right")
@@ -70,18 +70,18 @@ class _RightHandSide:
         """Return the index of the segment of constant stiffness just before the phase t."""
         return self.segment_after(t - 2.0 * SAME_PHASE_TOLERANCE)
 
-    def contact_codes(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
-        """Return the contact codes of the meshes, shape (..., m), in a state at the phase t."""
-        return contact_codes_at(self.flank_distances(t, state))
+    def contact_states(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Return the contact states of the meshes, shape (..., m), in a state at the phase t."""
+        return contact_states_at(self.flank_distances(t, state))
 
     def reached_crossing(self, t: float, state, crossings: list, tolerance: float) -> int | None:
         """Return the index of the first flank crossing that a state has reached, or None.
 
-        A crossing, an element of `crossings`, is a zero of the distance of a mesh from a flank in
-        one direction. A state at the mesh phase t has reached it if it moves in this direction, and
-        if the distance has changed its sign or is smaller than `tolerance`.
+        Each of the `crossings` is a zero of the distance of a mesh from a flank in one direction. A
+        state at the mesh phase t has reached it if it moves in this direction and the distance has
+        changed sign or is smaller than `tolerance`.
         """
-        # The rates take longer to compute, so they are computed only if a distance is small.
+        # The rates are expensive, so they are computed only if a distance is small.
         distances, rates = self.flank_distances(t, state).tolist(), None
         for i, crossing in enumerate(crossings):
             distance = distances[crossing.flank][crossing.mesh]
@@ -93,7 +93,7 @@ class _RightHandSide:
 
 
 class OneDegree(_RightHandSide):
-    """One degree of freedom, any damping, stiffness and excitation, with the state (x, x').
+    """Right-hand side with one degree of freedom and the state (x, x').
 
     With a `sharpness` above 0, per static deflection, the contact law is smoothed.
     """
@@ -106,23 +106,23 @@ class OneDegree(_RightHandSide):
         self.mesh = mesh = model.nonlinear_mesh(tuning)
         self.contact_law = equation_of_motion.create_contact_law(mesh, sharpness)
         self.segment_bounds = mesh.segment_bounds
-        # The excitation repeats after one mesh period, which has the segments 0 to n - 1.
+        # The excitation repeats after one mesh period with the segments 0 ... n - 1.
         self.excitation_period, self.first_segment = 1, np.array([0, len(mesh.below_mean)])
-        # Equal for the contact codes -1, 0 and 1; shape (3, segments, 1 mesh).
+        # Equal for the contact states -1, 0 and 1; shape (3, segments, 1 mesh).
         self.below_mean = np.repeat(mesh.below_mean[None, :, None], 3, axis=0)
-        # The backlash is constant, so that both flanks never touch at once.
+        # The backlash is constant, so that both flanks cannot touch at once.
         self.backlashes, self.may_jam = np.array([mesh.backlash_ratio]), np.array([False])
         #: Displacements at which drive and coast flank begin to touch, static deflections.
         self._contact_displacements = np.array([mesh.drive_line, mesh.coast_line])
         self.tuning = tuning
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
-        """Return (state, contact codes) at phase 0 for a state (displacement, dx/dtau)."""
-        contact_code = contact_between(*self._contact_displacements, *state)
-        return np.array(state, dtype=float), np.array([contact_code])
+        """Return (state, contact states) at phase 0 for a state (displacement, dx/dtau)."""
+        contact_state = contact_state_with_lines(*self._contact_displacements, *state)
+        return np.array(state, dtype=float), np.array([contact_state])
 
     def final_state(self, t: float, state: np.ndarray) -> tuple[float, float]:
-        """Return displacement and velocity of a state, as results report them."""
+        """Return displacement and velocity of a state as reported in results."""
         return float(state[0]), float(state[1])
 
     def flank_distances(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
@@ -138,19 +138,19 @@ class OneDegree(_RightHandSide):
         return state[..., :1], state[..., 1:]
 
     def set_distance(self, t: float, state, mesh: int, flank: int, distance: float) -> None:
-        """Move a state, in place, to a distance from a flank of the only mesh."""
+        """Move a state in place such that the mesh has the given distance from a flank."""
         state[0] += distance - (state[0] - self._contact_displacements[flank])
 
     def is_jammed(self, t: float, state: np.ndarray) -> bool:
-        """Return False: with one degree of freedom both flanks never touch at once."""
+        """Return False, because with one degree of freedom both flanks cannot touch at once."""
         return False
 
-    def branch_derivative(self, t: float, state, segment: int, contact_codes) -> np.ndarray:
-        """Return the derivative of a state by mesh phase, for a segment and contact codes.
+    def branch_derivative(self, t: float, state, segment: int, contact_states) -> np.ndarray:
+        """Return the derivative of a state by mesh phase, for a segment and contact states.
 
-        `contact_codes` has one code, 1 (drive flank), 0 (no contact) or -1 (coast flank).
+        `contact_states` has one entry, 1 (drive flank), 0 (no contact) or -1 (coast flank).
         """
-        arguments = np.array([t]), state[None], np.array([segment]), contact_codes[None]
+        arguments = np.array([t]), state[None], np.array([segment]), contact_states[None]
         _, _, accelerations = self._stiffness_and_acceleration(*arguments)
         return np.array([state[1], accelerations[0]])
 
@@ -160,15 +160,15 @@ class OneDegree(_RightHandSide):
         acceleration = equation_of_motion.mesh_acceleration(self.contact_law, self.mesh, t, x, v)
         return np.array([v, acceleration])
 
-    def _stiffness_and_acceleration(self, t, states, segments, contact_codes) -> np.ndarray:
+    def _stiffness_and_acceleration(self, t, states, segments, contact_states) -> np.ndarray:
         """Return mesh stiffness, mesh force over stiffness, and acceleration of k states, (3, k).
 
         Mesh phases t and indices of stiffness `segments` have shape (k,), `states` (x, x') the
-        shape (k, 2), and `contact_codes` (1, 0, -1) the shape (k, 1).
+        shape (k, 2), and `contact_states` (1, 0, -1) the shape (k, 1).
         """
-        # numba compiles a kernel for each memory layout, so all arrays get the same layout.
+        # Numba compiles a kernel for each memory layout, so all arrays get the same layout.
         arguments = [
-            np.ascontiguousarray(array) for array in (t, segments, contact_codes[:, 0], states)
+            np.ascontiguousarray(array) for array in (t, segments, contact_states[:, 0], states)
         ]
         evaluate = equation_of_motion.forces_and_accelerations
         return evaluate(self.contact_law, self.mesh, *arguments).T
@@ -179,54 +179,55 @@ class OneDegree(_RightHandSide):
         The steps lead from `states` at the mesh phases `start`, (k,), to `new_states` at the phases
         `end`, (k,). If the stiffness jumps at an end of a step, the value inside the step is used.
         """
-        start_codes = self.contact_codes(start, states)
+        start_contact_states = self.contact_states(start, states)
         _, _, start_acceleration = self._stiffness_and_acceleration(
-            start, states, self.segment_after(start), start_codes
+            start, states, self.segment_after(start), start_contact_states
         )
-        end_codes = self.contact_codes(end, new_states)
+        end_contact_states = self.contact_states(end, new_states)
         _, _, end_acceleration = self._stiffness_and_acceleration(
-            end, new_states, self.segment_before(end), end_codes
+            end, new_states, self.segment_before(end), end_contact_states
         )
         velocities = [states[:, 1], new_states[:, 1]]
         return np.stack([velocities, [start_acceleration, end_acceleration]], axis=-1)
 
-    def mesh_forces(self, t, states, segments, contact_codes) -> tuple[np.ndarray, np.ndarray]:
+    def mesh_forces(self, t, states, segments, contact_states) -> tuple[np.ndarray, np.ndarray]:
         """Return (dimensionless elastic mesh forces, zeros) of k states, both of shape (k, 1).
 
         Phases t and indices of stiffness `segments` have shape (k,), `states` (k, 2), and
-        `contact_codes` (1, 0, -1) (k, 1). The zeros stand for the derivatives of the forces, which
+        `contact_states` (1, 0, -1) (k, 1). The zeros stand for the derivatives of the forces, which
         only the mean force of trains needs.
         """
         stiffness, force_over_stiffness, _ = self._stiffness_and_acceleration(
-            t, states, segments, contact_codes
+            t, states, segments, contact_states
         )
         # In the equation in mesh phase the stiffness is divided by (mesh frequency)^2. Times
         # tuning^2 it is the stiffness over its mean.
         forces = (self.tuning**2 * stiffness * force_over_stiffness)[:, None]
         return forces, np.zeros_like(forces)
 
-    def fill_samples(self, samples, t, states, segments, contact_codes) -> None:
+    def fill_samples(self, samples, t, states, segments, contact_states) -> None:
         """Fill the sample table, (k, 6), from k states (x, x') at the mesh phases t.
 
-        Indices of stiffness `segments` have shape (k,), `states` (k, 2), and `contact_codes` (1, 0,
-        -1) (k, 1).
+        Indices of stiffness `segments` have shape (k,), `states` (k, 2), and `contact_states` (1,
+        0, -1) (k, 1).
         """
         stiffness, force_over_stiffness, acceleration = self._stiffness_and_acceleration(
-            t, states, segments, contact_codes
+            t, states, segments, contact_states
         )
         # Times tuning^2, the stiffness of the equation in mesh phase is the stiffness over its
         # mean.
         stiffness = self.tuning**2 * stiffness
-        (x, v), code, force = states.T, contact_codes[:, 0], stiffness * force_over_stiffness
-        # Columns: displacement, velocity, acceleration, contact code, stiffness, elastic force.
-        samples[:] = np.stack([x, v, acceleration, code, stiffness, force], axis=1)
+        (x, v), contact, force = states.T, contact_states[:, 0], stiffness * force_over_stiffness
+        # Columns: displacement, velocity, acceleration, contact state, stiffness, elastic force.
+        samples[:] = np.stack([x, v, acceleration, contact, stiffness, force], axis=1)
 
 
 class PiecewiseLinear(_RightHandSide):
-    """A piecewise-linear system that is excited by a constant and by harmonics of the phase.
+    """Right-hand side of a piecewise linear system with constant and harmonic excitation.
 
-    A full state is a state followed by the constant 1 and the harmonics. Derivatives are by phase,
-    but in a `TrainSystem` they are by theta, reference frequency times time.
+    A full state is a state followed by the constant 1 and the harmonics of the mesh phase.
+    Derivatives are with respect to phase, except in a `TrainSystem`, where they are with respect to
+    theta = reference frequency * time.
     """
 
     def __init__(self, model, tuning: float):
@@ -240,33 +241,35 @@ class PiecewiseLinear(_RightHandSide):
         system, size = self.system, model.size
         self.segment_bounds, self.first_segment = system.starts, system.first_segment
         self.below_mean = system.below_mean
-        # Displacements at which the drive flanks (row 0) and coast flanks (row 1) touch, (2, m).
+        # Displacements at which drive flanks (row 0) and coast flanks (row 1) touch, shape (2, m).
         contact_displacements = np.reshape(model.flank_lines, (2, -1))
         self.backlashes = contact_displacements[0] - contact_displacements[1]
-        self.may_jam, self.excitation_period = self._constants.may_jam, system.repeats
-        # Only gear trains have names of meshes.
+        self.may_jam, self.excitation_period = self._constants.may_jam, system.excitation_period
+        # Only gear trains have mesh names.
         self.tuning, self.size, self._is_train = tuning, size, bool(model.mesh_names)
-        # Factors from full states to states of the `TrainSystem`, whose velocities are by theta.
+        # Factors that convert full states to states of the `TrainSystem` with velocities by theta.
         self.scale = np.ones(len(system.base_matrix))
         if not self._is_train:
             self.scale[:size] = self.propagator.scale
         #: Row vectors whose products with the full state are the flank distances, shape (2, m, n).
-        self.distances = self.scale * np.stack([system.drive_lines, system.coast_lines])
+        self.distances = self.scale * np.stack(
+            [system.drive_distance_rows, system.coast_distance_rows]
+        )
         self._distance_columns = np.moveaxis(self.distances, 2, 1).copy()
-        rates = np.stack([self._constants.drive_rates, self._constants.coast_rates])
+        rates = np.stack([self._constants.drive_velocity_rows, self._constants.coast_velocity_rows])
         self._distance_rates = self.scale * rates / tuning
         self._matrices: dict = {}
-        self._meshes = np.arange(len(system.drive_lines))
-        # Each column of a pseudo-inverse moves the coordinates such that the distance of one mesh
-        # changes by 1 and no other distance changes. Each flank has a matrix, (size / 2, m).
+        self._meshes = np.arange(len(system.drive_distance_rows))
+        # Each column of a pseudo-inverse, (size / 2, m), is a displacement of the coordinates that
+        # changes the distance of one mesh by 1 and no other distance.
         self._separate_moves = [
             np.linalg.pinv(distance_rows[:, : size // 2]) for distance_rows in self.distances
         ]
 
     def full_state(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
-        """Return the full state at the mesh phase t: a state, the constant 1, and the harmonics.
+        """Return the full state (state, constant 1, harmonics) at the mesh phase t.
 
-        If t is an array, shape (k,), there is a row for each phase.
+        If t is an array, shape (k,), the result has a row for each phase.
         """
         full = np.empty((*np.shape(t), self.scale.size))
         full[..., : self.size] = state
@@ -277,24 +280,24 @@ class PiecewiseLinear(_RightHandSide):
         return full
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
-        """Return (state, contact codes) at phase 0 for an initial state of the model.
+        """Return (state, contact states) at phase 0 for an initial state of the model.
 
-        Contact codes are 1 (drive flank), 0 (no contact) or -1 (coast flank).
+        Contact states are 1 (drive flank), 0 (no contact) or -1 (coast flank).
         """
-        # The state of the system is the state of the propagator times `propagator.scale`. It is
-        # also z times `state_scale`.
+        # The state of the system is both the state of the propagator times `propagator.scale` and
+        # the state z of this class times `state_scale`.
         state_scale = self.scale[: self.size]
         z = self.propagator.initial_state(state) * (self.propagator.scale / state_scale)
         full_size, mesh_count = self.scale.size, self._meshes.size
-        work = allocate_run_storage(n=full_size, padded=full_size, m=mesh_count)
-        work.state[:] = self.scale * self.full_state(0.0, z)
-        set_initial_contacts(self.system, self._constants.no_coast_side, work, segment=0)
-        return z, work.contact.copy()
+        run_state = allocate_run_state(n=full_size, padded=full_size, m=mesh_count)
+        run_state.state[:] = self.scale * self.full_state(0.0, z)
+        set_initial_contacts(self.system, self._constants.no_coast_side, run_state, segment=0)
+        return z, run_state.contact.copy()
 
     def final_state(self, t: float, state: np.ndarray) -> tuple:
-        """Return (displacements, velocities) at the mesh phase t as results report them.
+        """Return (displacements, velocities) at the mesh phase t as reported in results.
 
-        For a train these are arrays over all coordinates, for one mesh two floats.
+        They are arrays of all coordinates for a train, and floats for a single mesh.
         """
         if self._is_train:
             half = self.size // 2
@@ -317,14 +320,14 @@ class PiecewiseLinear(_RightHandSide):
         return full @ self.distances[DRIVE_FLANK].T, full @ self._distance_rates[DRIVE_FLANK].T
 
     def set_distance(self, t: float, state, mesh: int, flank: int, distance: float) -> None:
-        """Move a state, in place, to a `distance` from one flank of a mesh at the mesh phase t.
+        """Move a state in place such that a mesh has the given `distance` from a flank at phase t.
 
         `flank` is DRIVE_FLANK or COAST_FLANK. The coordinates move such that no other mesh is
         affected.
         """
-        present_distance = float(self.distances[flank, mesh] @ self.full_state(t, state))
+        current_distance = float(self.distances[flank, mesh] @ self.full_state(t, state))
         direction = self._separate_moves[flank][:, mesh]
-        state[: self.size // 2] += direction * (distance - present_distance)
+        state[: self.size // 2] += direction * (distance - current_distance)
 
     def is_jammed(self, t: float, state: np.ndarray) -> bool:
         """Return whether both flanks of a mesh touch at once in a state at the mesh phase t."""
@@ -332,7 +335,7 @@ class PiecewiseLinear(_RightHandSide):
         return equation_of_motion.is_jammed(self.system, self.may_jam, t, system_state)
 
     def nonzero_entries(self) -> np.ndarray:
-        """Return a mask of the entries of `branch_matrix` that are nonzero for some contacts.
+        """Return a mask of the entries of `branch_matrix` that may be nonzero.
 
         The branch matrix maps full states to derivatives of the state.
         """
@@ -344,31 +347,31 @@ class PiecewiseLinear(_RightHandSide):
         has_force = (force_input * force_output != 0.0).any(axis=(0, 1, 2))
         return (system.base_matrix[: self.size] != 0.0) | has_force
 
-    def branch_matrix(self, segment: int, contact_codes: np.ndarray) -> np.ndarray:
+    def branch_matrix(self, segment: int, contact_states: np.ndarray) -> np.ndarray:
         """Return the matrix that maps full states to derivatives of the state by mesh phase.
 
-        It holds on one stiffness segment with the contact codes of all meshes (1, 0, -1), and is
+        It holds on one stiffness segment with the contact states of all meshes (1, 0, -1), and is
         kept for later calls. A full state is the state, the constant 1 and the harmonics.
         """
-        branch = segment, contact_codes.tobytes()
+        branch = segment, contact_states.tobytes()
         if branch not in self._matrices:
             matrix = np.empty_like(self.system.base_matrix)
-            # `effect` holds the force case of a mesh: no contact, or contact at some stiffness.
-            force_cases = self.system.effect[contact_codes + 1, segment, self._meshes]
+            # `force_index` holds the force case of a mesh: no contact, or contact at some
+            # stiffness.
+            force_cases = self.system.force_index[contact_states + 1, segment, self._meshes]
             fill_system_matrix(self.system, force_cases, matrix)
-            # The system has derivatives by theta; division by the tuning gives derivatives by mesh
-            # phase.
+            # Division by the tuning converts derivatives by theta to derivatives by mesh phase.
             scaled_matrix = matrix[: self.size] / self.scale[: self.size, None]
             self._matrices[branch] = scaled_matrix * self.scale / self.tuning
         return self._matrices[branch]
 
-    def branch_derivative(self, t: float, state, segment: int, contact_codes) -> np.ndarray:
-        """Return the derivative of a state by mesh phase, for a segment and contact codes."""
-        return self.branch_matrix(segment, contact_codes) @ self.full_state(t, state)
+    def branch_derivative(self, t: float, state, segment: int, contact_states) -> np.ndarray:
+        """Return the derivative of a state by mesh phase, for a segment and contact states."""
+        return self.branch_matrix(segment, contact_states) @ self.full_state(t, state)
 
     def derivative(self, t: float, state: np.ndarray) -> np.ndarray:
         """Return the derivative of a state by mesh phase; the state determines the contacts."""
-        # Factors to the units of the `TrainSystem`, in which velocities are by theta.
+        # These factors convert states to those of the `TrainSystem`, with velocities by theta.
         scale = self.scale[: self.size]
         return equation_of_motion.train_derivative(self.system, t, state * scale) / scale
 
@@ -376,34 +379,34 @@ class PiecewiseLinear(_RightHandSide):
         """Return the mean rates of change over k steps, twice, shape (2, k, size).
 
         The steps lead from `states` at the mesh phases `start`, (k,), to `new_states` at the phases
-        `end`, (k,). With mean rates in place of the rates at both ends, Hermite interpolation
+        `end`, (k,). With mean rates instead of the rates at both ends, Hermite interpolation
         becomes linear.
         """
         return np.stack(2 * [(new_states - states) / (end - start)[:, None]])
 
-    def mesh_forces(self, t, states, segments, contact_codes) -> np.ndarray:
+    def mesh_forces(self, t, states, segments, contact_states) -> np.ndarray:
         """Return (elastic forces of m meshes, their derivatives by mesh phase), shape (2, k, m).
 
         Phases t and indices of stiffness `segments` have shape (k,), `states` (k, size), and
-        `contact_codes` (1 drive flank, 0 no contact, -1 coast flank) (k, m).
+        `contact_states` (1 drive flank, 0 no contact, -1 coast flank) (k, m).
         """
         full = self.full_state(t, states)
-        stiffness = self.system.stiffness[contact_codes + 1, segments[:, None], self._meshes]
-        stiffness = stiffness * (contact_codes != NO_CONTACT)
+        stiffness = self.system.stiffness[contact_states + 1, segments[:, None], self._meshes]
+        stiffness = stiffness * (contact_states != NO_CONTACT)
         # Distances from both flanks and their derivatives by phase, each of shape (2, k, m).
         distances, rates = self.distances, self._distance_rates
         drive = np.stack([full @ distances[DRIVE_FLANK].T, full @ rates[DRIVE_FLANK].T])
         coast = np.stack([full @ distances[COAST_FLANK].T, full @ rates[COAST_FLANK].T])
-        # A missing coast flank has infinite distances, which `where` never selects.
-        return stiffness * np.where(contact_codes == DRIVE, drive, coast)
+        # If there is no coast flank, its distance is infinite and never selected.
+        return stiffness * np.where(contact_states == DRIVE, drive, coast)
 
-    def fill_samples(self, samples, t, states, segments, contact_codes) -> None:
+    def fill_samples(self, samples, t, states, segments, contact_states) -> None:
         """Fill the sample table of the model, with k rows, from k states at the mesh phases t.
 
-        Indices of stiffness `segments` have shape (k,), `states` (k, size), and `contact_codes` (1,
-        0, -1) (k, m).
+        Indices of stiffness `segments` have shape (k,), `states` (k, size), and `contact_states`
+        (1, 0, -1) (k, m).
         """
         system_states = self.scale * self.full_state(t, states)
         # These are the columns of the raw samples from which the propagator computes the table.
-        table = np.concatenate([system_states, contact_codes, segments[:, None]], axis=1)
+        table = np.concatenate([system_states, contact_states, segments[:, None]], axis=1)
         self.propagator.fill_samples(table, samples, self.system)

@@ -1,4 +1,4 @@
-"""Run of a method with steps, and its record: samples, extrema, contact times and events."""
+"""Runs of step-by-step methods, and their records: samples, extrema, contact times and events."""
 
 import math
 from typing import Any
@@ -14,7 +14,7 @@ from gearlib.integrators.right_hand_sides import (
     DRIVE_FLANK,
     OneDegree,
     PiecewiseLinear,
-    contact_codes_at,
+    contact_states_at,
 )
 from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE
 
@@ -22,12 +22,12 @@ from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE
 MESH_PERIOD = 2.0 * math.pi
 #: Largest component of a state; the squares of larger components would soon overflow.
 MAX_STATE = 1e150
-#: If a state has a larger component, a failure of the solver counts as an overflow.
+#: A failure of the solver at a state with a larger component is classified as an overflow.
 _HUGE_STATE = 1e-20 * MAX_STATE
-#: If a mesh period starts less than this phase, rad, before a step, it counts as starting with the
-#: step. The tolerance covers the rounding of phases in a long run.
+#: A mesh period that starts less than this phase in rad before a step is treated as starting with
+#: the step. The tolerance covers the rounding of phases in long runs.
 _PERIOD_START_TOLERANCE = 1e-9
-#: Contact code -> column of a summary with the time at this code.
+#: Contact state -> column of a summary with the time in this state.
 _TIME_COLUMNS = {
     DRIVE: orbit.TIME_DRIVE,
     NO_CONTACT: orbit.TIME_NO_CONTACT,
@@ -35,45 +35,45 @@ _TIME_COLUMNS = {
 }
 
 
-def within_range(state: np.ndarray) -> bool:
+def is_state_in_range(state: np.ndarray) -> bool:
     """Return whether a state is finite and its squares do not overflow."""
     return bool(np.abs(state).max() < MAX_STATE)
 
 
-def code_of_stall(state: np.ndarray) -> int:
-    """Return the status of a run whose solver fails at a state.
+def failure_status(state: np.ndarray) -> int:
+    """Return the status code of a run whose solver fails at a state.
 
-    It is OVERFLOW if the state is so large that intermediate numbers overflow, else STALLED.
+    It is OVERFLOW if the state is so large that intermediate results may overflow, else STALLED.
     """
     return status.STALLED if np.abs(state).max() < _HUGE_STATE else status.OVERFLOW
 
 
-def next_contact_code(code: int, final_code: int, backlash_ratio: float) -> int:
-    """Return the next contact code of a mesh on its way from `code` to `final_code`.
+def next_contact_state(contact: int, final_contact: int, backlash_ratio: float) -> int:
+    """Return the next contact state of a mesh on its way from `contact` to `final_contact`.
 
-    The codes are 1 (contact on the drive flank), 0 (no contact) and -1 (coast flank). With backlash
-    there is no contact between contact on one flank and contact on the other flank. Without
-    backlash, a loss of contact on one flank is contact on the other flank.
+    Contact states are 1 (contact on the drive flank), 0 (no contact) and -1 (coast flank). With
+    backlash, a mesh loses contact on one flank before it touches on the other flank. Without
+    backlash, loss of contact on one flank is contact on the other flank.
     """
-    if code == NO_CONTACT:
-        return int(final_code)
-    return NO_CONTACT if backlash_ratio > 0.0 else -code
+    if contact == NO_CONTACT:
+        return int(final_contact)
+    return NO_CONTACT if backlash_ratio > 0.0 else -contact
 
 
 class Run:
-    """Run of a right-hand side with its record; subclasses define `integrate`.
+    """Run of a right-hand side, and its record; subclasses define `integrate`.
 
-    Phases are counted from the start of a mesh period, so that rounding does not grow with time.
+    Phases are counted from the start of a mesh period, so that rounding errors do not grow.
     """
 
-    def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
-        """Store a right-hand side and the settings of the solver, such as tolerances.
+    def __init__(self, problem: OneDegree | PiecewiseLinear, **solver_options):
+        """Store a right-hand side and the solver options, e.g. tolerances.
 
-        The time for which the stiffness is below its mean is tabulated for the summary.
+        The time during which the stiffness is below its mean is tabulated for the summary.
         """
-        self.problem, self.settings, self.evaluations = problem, settings, 0
+        self.problem, self.solver_options, self.evaluations = problem, solver_options, 0
         self.meshes = range(len(problem.backlashes))
-        # Time below the mean stiffness since phase 0, by contact code + 1, segment bound and mesh.
+        # Time below the mean stiffness since phase 0, by contact state + 1, segment bound and mesh.
         times = np.diff(problem.segment_bounds)[:, None] * problem.below_mean
         self._time_below_mean = np.pad(np.cumsum(times, axis=1), ((0, 0), (1, 0), (0, 0)))
 
@@ -82,10 +82,10 @@ class Run:
         raise NotImplementedError
 
     def run(self, state, span: Span, samples, events, summary) -> Record:
-        """Run from a state over a `Span` of mesh periods, fill the tables and return the `Record`.
+        """Integrate from a state over a `Span` of mesh periods and return the `Record`.
 
         `samples`, shape (n, columns), has equally many rows for each recorded period. Events are
-        kept if `events` has rows; the columns are mesh period, phase in it, contact codes before
+        kept if `events` has rows; the columns are mesh period, phase in it, contact states before
         and after, velocity and, for a train, mesh. `summary` has the columns of
         `gearlib.engines.orbit` (extrema, contact times), and for a train a row for each mesh.
         """
@@ -98,33 +98,33 @@ class Run:
         self.summary = summary.reshape(len(self.meshes), -1)
         for mesh_summary in self.summary:
             orbit.clear_summary(mesh_summary)
-        # Strobes are states at the starts of the last mesh periods; they show the orbit's period.
-        strobe_periods = min(periods, orbit.strobe_periods(problem.excitation_period))
+        # The strobes, states at the starts of the last mesh periods, determine the orbit's period.
+        strobe_periods = min(periods, orbit.stored_state_count(problem.excitation_period))
         self.first_strobe = periods - strobe_periods
         self.strobes = np.empty((len(self.meshes), strobe_periods + 1, 2))
-        state, self.initial_contact_codes = problem.initial_state(state)
+        state, self.initial_contact_states = problem.initial_state(state)
         run_status, period = status.OVERFLOW, 0
-        if within_range(state):
-            # The status reports a diverging run, so numpy need not warn of an overflow.
+        if is_state_in_range(state):
+            # The status reports overflow, so NumPy need not warn.
             with np.errstate(all="ignore"):
                 state, run_status = self.integrate(state)
         if run_status == status.OK:
             self.add_strobes(np.array([periods]), state[None])
             period = self._orbit_period()
         if self.events:
-            # Within a step, events are added mesh by mesh: sort them by period, phase and mesh.
+            # Within a step, events are added mesh by mesh, so sort them by period, phase and mesh.
             sorted_events = sorted(self.events, key=lambda event: (*event[:2], event[-1]))
-            # The tables of models with one mesh lack the last column, the mesh.
+            # The tables of models with one mesh do not have the last column, the mesh.
             events = np.array(sorted_events)[:, : events.shape[1]]
         events = events[: len(self.events) if run_status == status.OK else 0]
         final = np.ravel(problem.final_state(MESH_PERIOD * periods, state))
         return Record(state, final, period, samples, events, summary, run_status, self.evaluations)
 
     def _orbit_period(self) -> int:
-        """Return the number of mesh periods after which all meshes repeat their motion, or 0.
+        """Return the number of mesh periods after which the motion of all meshes repeats, or 0.
 
-        It is the least common multiple over the meshes. `self.strobes` has the states of each mesh
-        at the starts of the last mesh periods.
+        It is the least common multiple of the periods of all meshes, which are determined from
+        `self.strobes`, their states at the starts of the last mesh periods.
         """
         displacement_ranges = self.summary[:, orbit.X_MAX] - self.summary[:, orbit.X_MIN]
         # The tuning times dx/dtau is the velocity divided by the natural frequency.
@@ -138,8 +138,8 @@ class Run:
     def _excitation_phase(self, period: Any) -> Any:
         """Return the phase of the excitation at the start of a mesh period.
 
-        `period`, the number of the mesh period, may be an array. The phase starts again at 0 when
-        the excitation repeats, so that it stays exact in a long run.
+        `period`, the number of the mesh period, may be an array. The phase returns to 0 when the
+        excitation repeats, so that it remains exact in long runs.
         """
         return MESH_PERIOD * (period % self.problem.excitation_period)
 
@@ -157,7 +157,7 @@ class Run:
         Contact events are located by linear interpolation.
         """
         problem, start_phase = self.problem, self._excitation_phase(period)
-        # Strobes are states at the starts of the last mesh periods.
+        # Strobes are the states at the starts of the last mesh periods.
         strobe_periods = np.arange(max(self.first_strobe, period), self.periods)
         strobe_phases = MESH_PERIOD * (strobe_periods - period)
         is_inside = (strobe_phases > t[0] - _PERIOD_START_TOLERANCE) & (strobe_phases < t[-1])
@@ -171,59 +171,60 @@ class Run:
         skipped = max(int(np.searchsorted(t, record_start, side="right")) - 1, 0)
         t, states = t[skipped:], states[skipped:]
         recorded_t, recorded_states = t.copy(), states.copy()
-        # The record begins inside the first step.
+        # The record may begin inside the first step.
         if t[0] < record_start:
             recorded_t[0] = record_start
             recorded_states[0] = interpolate(np.array([record_start]))[0]
         self._add_samples(period, t[-1], interpolate)
-        # Segments just before the step ends and just after the step starts. No step follows the
-        # last step end.
+        # Segments just before and just after the step ends; no step follows the last step end.
         before = problem.segment_before(start_phase + t[1:])
         after = np.append(problem.segment_after(start_phase + recorded_t[:-1]), before[-1])
-        contact_codes = problem.contact_codes(start_phase + recorded_t, recorded_states)
-        self._add_steps(start_phase + recorded_t, recorded_states, before, after, contact_codes)
+        contact_states = problem.contact_states(start_phase + recorded_t, recorded_states)
+        self._add_steps(start_phase + recorded_t, recorded_states, before, after, contact_states)
         if len(refined_phases):
             refined_phases = refined_phases[refined_phases > recorded_t[0]]
             phases, refined_states = start_phase + refined_phases, interpolate(refined_phases)
-            refined_codes = problem.contact_codes(phases, refined_states)
-            self._add_states(phases, refined_states, problem.segment_before(phases), refined_codes)
+            refined_contact_states = problem.contact_states(phases, refined_states)
+            self._add_states(
+                phases, refined_states, problem.segment_before(phases), refined_contact_states
+            )
         distances = problem.flank_distances(start_phase + t, states)
         for mesh in self.meshes:
             self._add_contact_times(period, mesh, recorded_t[:-1], t, states, distances)
 
-    def record_branch(self, period: int, t, states, interpolate, segment: int, contact_codes):
-        """Record k steps on a branch: one stiffness segment without a change of contact.
+    def record_branch(self, period: int, t, states, interpolate, segment: int, contact_states):
+        """Record k steps on a branch, i.e. one stiffness segment without a change of contact.
 
         The mesh phases t of the step ends, shape (k + 1,), are counted from the start of mesh
         period `period`; `states` has the shape (k + 1, size). ``interpolate(phases)`` returns
-        states between step ends. `segment` is the index of the segment, and `contact_codes`, (m,),
+        states between step ends. `segment` is the index of the segment, and `contact_states`, (m,),
         are 1 (drive flank), 0 or -1 (coast flank) for each mesh.
         """
         phases = self._excitation_phase(period) + t
         segments = np.full(len(t), segment)
 
         def interpolate_inside(sample_phases: np.ndarray) -> np.ndarray:
-            """Return states at phases, which rounding may put just outside the steps."""
+            """Return states at phases that may lie just outside the steps because of rounding."""
             return interpolate(np.clip(sample_phases, t[0], t[-1]))
 
-        self._add_samples(period, t[-1], interpolate_inside, segment, contact_codes)
-        step_codes = np.tile(contact_codes, (len(t), 1))
-        self._add_steps(phases, states, segments[1:], segments, step_codes)
+        self._add_samples(period, t[-1], interpolate_inside, segment, contact_states)
+        step_contact_states = np.tile(contact_states, (len(t), 1))
+        self._add_steps(phases, states, segments[1:], segments, step_contact_states)
         for mesh in self.meshes:
-            self._add_times(mesh, phases[:1], phases[-1:], contact_codes[mesh : mesh + 1])
+            self._add_times(mesh, phases[:1], phases[-1:], contact_states[mesh : mesh + 1])
 
-    def _add_samples(self, period: int, end, interpolate, segment=None, contact_codes=None):
+    def _add_samples(self, period: int, end, interpolate, segment=None, contact_states=None):
         """Fill the samples before the phase `end`, counted from the start of mesh period `period`.
 
         ``interpolate(phases)`` returns states at mesh phases. All samples have the stiffness
-        `segment` and the `contact_codes`, (m,), of the meshes; if these are None, they follow from
+        `segment` and the `contact_states`, (m,), of the meshes; if these are None, they follow from
         phases and states.
         """
         problem = self.problem
-        # Index of the first sample, counted from the start of the mesh period; it is negative if
-        # the record began before.
+        # Index of the first sample of the record, counted from the start of this mesh period, so
+        # that it is negative if the record began in an earlier period.
         first_sample = (self.first_recorded - period) * self.samples_per_period
-        # This bound may be too high by rounding or by one; phases beyond the end are removed below.
+        # This bound may be slightly too high; phases beyond the end are removed below.
         stop = int(end / MESH_PERIOD * self.samples_per_period) - first_sample + 2
         indices = np.arange(self.sample_count, min(len(self.samples), stop))
         phases = MESH_PERIOD * (indices + first_sample) / max(self.samples_per_period, 1)
@@ -233,22 +234,22 @@ class Run:
             return
         t, states = self._excitation_phase(period) + phases, interpolate(phases)
         segments = problem.segment_after(t) if segment is None else np.full(count, segment)
-        if contact_codes is None:
-            codes = problem.contact_codes(t, states)
+        if contact_states is None:
+            contacts = problem.contact_states(t, states)
         else:
-            codes = np.tile(contact_codes, (count, 1))
-        self._add_states(t, states, segments, codes)
+            contacts = np.tile(contact_states, (count, 1))
+        self._add_states(t, states, segments, contacts)
         new_samples = self.samples[self.sample_count : self.sample_count + count]
-        problem.fill_samples(new_samples, t, states, segments, codes)
+        problem.fill_samples(new_samples, t, states, segments, contacts)
         self.sample_count += count
 
-    def _add_states(self, t, states, segments, contact_codes) -> tuple[np.ndarray, np.ndarray]:
-        """Update the extrema by k states; return (mesh forces, their derivatives by phase).
+    def _add_states(self, t, states, segments, contact_states) -> tuple[np.ndarray, np.ndarray]:
+        """Update the extrema with k states; return (mesh forces, their derivatives by phase).
 
         The mesh phases t and the indices of stiffness `segments` have shape (k,), `states` (k,
-        size), and `contact_codes` (1, 0, -1) and both results (k, m) for m meshes.
+        size), and `contact_states` (1, 0, -1) and both results (k, m) for m meshes.
         """
-        forces, force_rates = self.problem.mesh_forces(t, states, segments, contact_codes)
+        forces, force_rates = self.problem.mesh_forces(t, states, segments, contact_states)
         displacements = self.problem.mesh_motion(t, states)[0]
         for values, max_column, min_column in (
             (displacements, orbit.X_MAX, orbit.X_MIN),
@@ -261,30 +262,29 @@ class Run:
             self.summary[:, min_column] = np.minimum(minima, min_values)
         return forces, force_rates
 
-    def _add_steps(self, t, states, segments_before, segments_after, contact_codes) -> None:
+    def _add_steps(self, t, states, segments_before, segments_after, contact_states) -> None:
         """Add k steps to the extrema and, by Hermite quadrature, to the mean mesh force.
 
         The phases t of the step ends have shape (k + 1,), `states` (k + 1, size), and
-        `contact_codes` (k + 1, m). `segments_before`, (k,), are indices of the stiffness segments
+        `contact_states` (k + 1, m). `segments_before`, (k,), are indices of the stiffness segments
         just before the ends of the steps, and `segments_after`, (k + 1,), just after all step ends;
         they differ where the stiffness jumps.
         """
         h = np.diff(t)[:, None]
-        forces, rates = self._add_states(t, states, segments_after, contact_codes)
+        forces, rates = self._add_states(t, states, segments_after, contact_states)
         end_forces, end_rates = forces[1:].copy(), rates[1:].copy()
-        # Where the stiffness jumps, the force at the end of a step is computed once more, before
-        # the jump.
+        # Where the stiffness jumps, the force at the end of a step is recomputed before the jump.
         i = np.flatnonzero(segments_before != segments_after[1:])
         if i.size:
             end_forces[i], end_rates[i] = self._add_states(
-                t[i + 1], states[i + 1], segments_before[i], contact_codes[i + 1]
+                t[i + 1], states[i + 1], segments_before[i], contact_states[i + 1]
             )
-        # The integral of the cubic polynomial with these forces and rates at both ends.
+        # This is the integral of the cubic polynomial with these forces and rates at both ends.
         areas = h / 2.0 * (forces[:-1] + end_forces) + h * h / 12.0 * (rates[:-1] - end_rates)
         self.summary[:, orbit.FORCE_SUM] += areas.sum(axis=0)
 
     def _add_contact_times(self, period: int, mesh: int, recorded_starts, t, states, distances):
-        """Add the times at each contact code and the changes of contact of one mesh in k steps.
+        """Add the times at each contact state and the changes of contact of one mesh in k steps.
 
         The steps end at the mesh phases t, (k + 1,), and each is recorded from its phase in
         `recorded_starts`, (k,), on. Phases count from the start of mesh period `period`. `states`
@@ -292,41 +292,41 @@ class Run:
         meshes from their drive and coast flanks.
         """
         start_phase = self._excitation_phase(period)
-        codes = contact_codes_at(distances[:, :, mesh : mesh + 1])[:, 0]
-        is_unchanged = codes[:-1] == codes[1:]
-        # A step without a change is one interval of constant contact; a step with changes is split.
+        contacts = contact_states_at(distances[:, :, mesh : mesh + 1])[:, 0]
+        is_unchanged = contacts[:-1] == contacts[1:]
+        # A step without contact change is one interval; a step with contact changes is split.
         intervals = []
         for i in np.flatnonzero(~is_unchanged).tolist():
             start = float(recorded_starts[i])
             ends = slice(i, i + 2)
             step = t[ends], states[ends], distances[ends, :, mesh]
             intervals += self._add_changes(period, mesh, start, *step)
-        changed_starts, changed_ends, changed_codes = np.array(intervals).reshape(-1, 3).T
+        changed_starts, changed_ends, changed_contacts = np.array(intervals).reshape(-1, 3).T
         starts = np.append(recorded_starts[is_unchanged], changed_starts)
         ends = np.append(t[1:][is_unchanged], changed_ends)
-        interval_codes = np.append(codes[1:][is_unchanged], changed_codes)
-        self._add_times(mesh, start_phase + starts, start_phase + ends, interval_codes)
+        interval_contacts = np.append(contacts[1:][is_unchanged], changed_contacts)
+        self._add_times(mesh, start_phase + starts, start_phase + ends, interval_contacts)
 
-    def _add_times(self, mesh: int, starts, ends, contact_codes) -> None:
-        """Add intervals of mesh phase to the times of a mesh at each contact code in its summary.
+    def _add_times(self, mesh: int, starts, ends, contact_states) -> None:
+        """Add intervals of mesh phase to the contact times in the summary of a mesh.
 
-        `starts`, `ends` and `contact_codes` (1, 0, -1) have one entry for each interval.
+        `starts`, `ends` and `contact_states` (1, 0, -1) have one entry for each interval.
         """
-        for code, column in _TIME_COLUMNS.items():
-            start, end = starts[contact_codes == code], ends[contact_codes == code]
+        for contact, column in _TIME_COLUMNS.items():
+            start, end = starts[contact_states == contact], ends[contact_states == contact]
             self.summary[mesh, column] += (end - start).sum()
-            if code != NO_CONTACT:
-                end_time = self._time_below_mean_until(mesh, code, end)
-                low_time = end_time - self._time_below_mean_until(mesh, code, start)
+            if contact != NO_CONTACT:
+                end_time = self._time_below_mean_until(mesh, contact, end)
+                low_time = end_time - self._time_below_mean_until(mesh, contact, start)
                 self.summary[mesh, orbit.TIME_LOW] += low_time.sum()
 
-    def _time_below_mean_until(self, mesh: int, contact_code: int, t: np.ndarray) -> np.ndarray:
-        """Return the time between mesh phases 0 and t while the mesh stiffness is below its mean.
+    def _time_below_mean_until(self, mesh: int, contact_state: int, t: np.ndarray) -> np.ndarray:
+        """Return the time from mesh phase 0 to t during which the stiffness is below its mean.
 
-        The stiffness of a mesh depends on its contact code. The phases t are an array.
+        The stiffness of a mesh depends on its contact state. t is an array of phases.
         """
         bounds = self.problem.segment_bounds
-        time_until_bounds = self._time_below_mean[contact_code + 1, :, mesh]
+        time_until_bounds = self._time_below_mean[contact_state + 1, :, mesh]
         # The excitation repeats after the last segment bound.
         repetitions, phase = np.divmod(t, bounds[-1])
         return repetitions * time_until_bounds[-1] + np.interp(phase, bounds, time_until_bounds)
@@ -336,16 +336,16 @@ class Run:
 
         The phases t, (2,), `states`, (2, size), and `distances` from drive and coast flank, (2, 2),
         are values at the start and the end of the step, which is recorded from the phase
-        `recorded_start` on. Each interval is (start, end, contact code). Events lie where linearly
+        `recorded_start` on. Each interval is (start, end, contact state). Events lie where linearly
         interpolated distances vanish.
         """
-        code, final_code = contact_codes_at(distances[:, :, None])[:, 0].tolist()
+        contact, final_contact = contact_states_at(distances[:, :, None])[:, 0].tolist()
         start, end = t.tolist()
         intervals = []
-        while code != final_code:
-            # With backlash, contact is lost before the other flank comes into contact.
-            next_code = next_contact_code(code, final_code, self.problem.backlashes[mesh])
-            flank = DRIVE_FLANK if DRIVE in (code, next_code) else COAST_FLANK
+        while contact != final_contact:
+            # With backlash, contact is lost on one flank before the other flank touches.
+            next_contact = next_contact_state(contact, final_contact, self.problem.backlashes[mesh])
+            flank = DRIVE_FLANK if DRIVE in (contact, next_contact) else COAST_FLANK
             start_distance, end_distance = distances[:, flank].tolist()
             fraction = 0.0
             if start_distance != end_distance:
@@ -353,24 +353,26 @@ class Run:
             event_phase = start + fraction * (end - start)
             if event_phase > recorded_start:
                 state = states[0] + fraction * (states[1] - states[0])
-                self.add_event(period, event_phase, state, mesh, code, next_code)
-                intervals.append((recorded_start, event_phase, code))
+                self.add_event(period, event_phase, state, mesh, contact, next_contact)
+                intervals.append((recorded_start, event_phase, contact))
                 recorded_start = event_phase
-            code = next_code
-        return [*intervals, (recorded_start, end, code)]
+            contact = next_contact
+        return [*intervals, (recorded_start, end, contact)]
 
-    def add_event(self, period: int, t: float, state, mesh: int, code_before: int, code_after: int):
-        """Add a change of contact of a mesh to its summary and to the events.
+    def add_event(
+        self, period: int, t: float, state, mesh: int, contact_before: int, contact_after: int
+    ):
+        """Add a contact change of a mesh to its summary and to the events.
 
-        The contact code (1, 0, -1) changes from `code_before` to `code_after` in a `state` of the
-        model at the mesh phase t, counted from the start of mesh period `period`. t may lie in a
-        later period.
+        The contact state (1, 0, -1) changes from `contact_before` to `contact_after` in a `state`
+        of the model at the mesh phase t, counted from the start of mesh period `period`. t may lie
+        in a later period.
         """
         _, velocities = self.problem.mesh_motion(self._excitation_phase(period) + t, state)
         velocity = float(velocities[mesh])
-        orbit.count_event(code_before, code_after, velocity, self.summary[mesh])
+        orbit.count_event(contact_before, contact_after, velocity, self.summary[mesh])
         if self.keep_events:
             passed_periods = int(t // MESH_PERIOD)
             phase = t - passed_periods * MESH_PERIOD
-            event = (period + passed_periods, phase, code_before, code_after, velocity, mesh)
+            event = (period + passed_periods, phase, contact_before, contact_after, velocity, mesh)
             self.events.append(event)

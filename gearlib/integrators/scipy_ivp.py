@@ -1,8 +1,8 @@
-"""Runs by scipy's solvers of initial-value problems, with or without event location.
+"""Runs with SciPy's solvers of initial value problems, with or without event location.
 
-With ``events=False`` one run covers the whole span, in the steps of `scipy.integrate.solve_ivp`;
-dense output is kept only where it is recorded. With ``events=True`` `solve_ivp` is restarted at
-each switch of stiffness and, by terminal events, at each change of contact.
+With ``events=False`` the whole span is integrated at once, with the same steps as in
+`scipy.integrate.solve_ivp`; dense output is stored only where it is recorded. With ``events=True``
+`solve_ivp` is restarted at each stiffness switch and, by terminal events, at each contact change.
 """
 
 from functools import partial
@@ -23,10 +23,10 @@ _STEPS_PER_RECORD = 1_000
 
 
 class Scipy(Integrator):
-    """The solvers of scipy."""
+    """The solvers of SciPy."""
 
-    EVENTS = "none; with events = True switches end an arc and contact is a terminal event"
-    MODELS = "one or six degrees of freedom, gear trains; no pairs of teeth"
+    EVENTS = "none; with events = True, steps end at switches and contact is a terminal event"
+    MODELS = "one or six degrees of freedom, gear trains; no tooth pairs"
     OPTIONS = {
         "solver": option("RK45", Solver, describe_requirement(Solver)),
         "rtol": RELATIVE_TOLERANCE,
@@ -34,32 +34,33 @@ class Scipy(Integrator):
         "events": option(
             False,
             Boolean,
-            "whether runs are split at switches of stiffness and at changes of contact",
+            "whether runs are split at stiffness switches and at contact changes",
         ),
     }
 
     def supports(self, model) -> bool:
-        """Return whether the model has an equation or is a gear train: not pairs of teeth."""
+        """Return whether the model has an equation or is a gear train; tooth pairs have neither."""
         return model.equation is not None or model.train is not None
 
     def create_run(self, model, tuning: float, solver: str, rtol, atol, events: bool) -> Run:
         """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
-        `solver` names a solver of scipy; `rtol` and `atol` are its relative and absolute tolerances
-        of a step. With `events` the run is split at switches of stiffness and changes of contact.
+        `solver` is the name of a solver of SciPy; `rtol` and `atol` are the relative and absolute
+        tolerances of a step. With `events` the run is split at stiffness switches and contact
+        changes.
         """
         run_class = _SplitScipyRun if events else _ScipyRun
         return run_class(right_hand_side(model, tuning), method=solver, rtol=rtol, atol=atol)
 
 
 class _ScipyRun(Run):
-    """Run in a single integration over the whole span, without event location."""
+    """Run by a single integration over the whole span, without event location."""
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole run from a state at phase 0; return (final state, status).
 
-        More than `max_events` steps in one mesh period end the run with the status EVENT_LIMIT.
-        Steps are recorded together, in groups, from the recorded mesh periods on.
+        The status is EVENT_LIMIT if a mesh period has more than `max_events` steps. Steps in the
+        recorded mesh periods are stored and recorded in batches.
         """
         solver = self._create_solver(state)
         steps_in_period, period, steps = 0, 0, []
@@ -75,7 +76,7 @@ class _ScipyRun(Run):
             steps_in_period += 1
             try:
                 solver.step()
-            except ValueError:  # Numbers overflow within the step.
+            except ValueError:  # numbers overflow within the step
                 return start_state, failure_status(start_state)
             if not is_state_in_range(solver.y):
                 return solver.y, status.OVERFLOW
@@ -83,8 +84,7 @@ class _ScipyRun(Run):
                 return solver.y, status.JAMMED
             if solver.status == "failed":
                 return start_state, status.STALLED
-            # The strobes, which show whether the motion repeats, may begin before the recorded
-            # periods.
+            # Strobes may begin before the recorded periods, to detect whether the motion repeats.
             is_recorded = solver.t > MESH_PERIOD * self.first_recorded
             passes_strobe = solver.t // MESH_PERIOD > max(t // MESH_PERIOD, self.first_strobe - 1)
             if is_recorded or passes_strobe:
@@ -97,9 +97,9 @@ class _ScipyRun(Run):
         return solver.y, status.OK
 
     def _create_solver(self, state: np.ndarray):
-        """Return a scipy solver that starts from a state at phase 0 and counts its evaluations.
+        """Return a SciPy solver that starts from a state at phase 0 and counts evaluations.
 
-        Its time is the mesh phase, up to the end of the last mesh period.
+        The time of the solver is the mesh phase, up to the end of the last mesh period.
         """
         from scipy import integrate
 
@@ -113,7 +113,7 @@ class _ScipyRun(Run):
         return solver_class(derivative, 0.0, state, MESH_PERIOD * self.periods, **tolerances)
 
     def _record_solver_steps(self, steps: list[tuple], solver) -> None:
-        """Record successive steps of a scipy solver; the last one ends at its present state.
+        """Record consecutive steps of a SciPy solver, up to its current state.
 
         Each of the `steps` is (start phase, start state, dense output), where the dense output is a
         function that returns states inside the step.
@@ -123,17 +123,17 @@ class _ScipyRun(Run):
         phases = np.array([step[0] for step in steps] + [solver.t])
         states = np.array([step[1] for step in steps] + [solver.y])
         solution = OdeSolution(phases, [step[2] for step in steps])
-        # Records count phases from the start of a mesh period.
+        # In records, phases are counted from the start of a mesh period.
         period = int(steps[0][0] // MESH_PERIOD)
         start = MESH_PERIOD * period
         self.record_steps(period, phases - start, states, lambda t: solution(t + start).T)
 
 
 class _SplitScipyRun(SplitRun):
-    """Run by `solve_ivp` with terminal events, split at switches and changes of contact."""
+    """Run by `solve_ivp` with terminal events, split at stiffness switches and contact changes."""
 
     def _flank_distance(self, period_start, crossing: FlankCrossing, t: float, state) -> float:
-        """Return the distance of a mesh from a flank in a state at phase t, as an event function.
+        """Return the distance of a mesh from a flank, an event function of phase t and state.
 
         It is zero at the `FlankCrossing` `crossing`. The phase t is counted from `period_start`,
         the phase at the start of the mesh period.
@@ -144,8 +144,8 @@ class _SplitScipyRun(SplitRun):
     def solve(self, branch: Branch, state: np.ndarray) -> Arc:
         """Return the `Arc` from a state to a flank crossing or to the end of a branch.
 
-        A branch is a range of mesh phase with constant contact on one stiffness segment; an arc is
-        the solution on it. If the solver fails, `SolverFailure` is raised.
+        A branch is an interval of phase with constant contact on one stiffness segment, and an arc
+        is the solution on it. Raise `SolverFailure` if the solver fails.
         """
         from scipy.integrate import solve_ivp
 
@@ -162,17 +162,17 @@ class _SplitScipyRun(SplitRun):
             # `solve_ivp` reads these attributes of an event function.
             vars(event).update(terminal=True, direction=crossing.direction)
             events.append(event)
-        # Only samples need states between step ends.
+        # States between step ends are needed only for samples.
         dense_output = self.is_recording and self.sample_count < len(self.samples)
         options = {"dense_output": dense_output, "events": events} | self.solver_options
         try:
             solution = solve_ivp(derivative, (start, end), state, **options)
-        except ValueError:  # Numbers overflow, or the phase does not advance.
+        except ValueError:  # numbers overflow, or the phase does not advance
             raise SolverFailure from None
         if solution.status < 0:
             raise SolverFailure
         crossing_index = None
-        # The events are terminal, so that at most one of them has stopped the solver.
+        # All events are terminal, so at most one of them has occurred.
         for i, event_times in enumerate(solution.t_events):
             if event_times.size:
                 crossing_index = i

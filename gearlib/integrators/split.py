@@ -1,6 +1,6 @@
-"""Runs that are split at switches of stiffness and at changes of contact of any mesh.
+"""Runs that are split at stiffness switches and at contact changes of any mesh.
 
-A subclass of `Split` defines how its solver integrates one arc, which contains no switch.
+A subclass of `SplitRun` defines how its solver integrates an arc, which contains no switch.
 """
 
 import itertools
@@ -18,59 +18,65 @@ from gearlib.integrators.right_hand_sides import (
     OneDegree,
     PiecewiseLinear,
 )
-from gearlib.integrators.run import MESH_PERIOD, Run, code_of_stall, next_contact_code, within_range
+from gearlib.integrators.run import (
+    MESH_PERIOD,
+    Run,
+    failure_status,
+    is_state_in_range,
+    next_contact_state,
+)
 
 
 class FlankCrossing(NamedTuple):
-    """A zero of a flank distance at which the contact code of a mesh changes."""
+    """A zero of a flank distance at which the contact state of a mesh changes."""
 
     mesh: int  #: index of the mesh
     flank: int  #: DRIVE_FLANK or COAST_FLANK
     direction: int  #: sign of the rate of the flank distance at the crossing
-    code_after: int  #: contact code of the mesh after the crossing
+    contact_after: int  #: contact state of the mesh after the crossing
 
 
 class Branch(NamedTuple):
-    """Range of phase on one stiffness segment with constant contact, for the next arc."""
+    """Interval of mesh phase with constant stiffness segment and contact, for the next arc."""
 
     period_start: float  #: phase of the excitation at the start of the mesh period
     start: float  #: phase of the start, counted from `period_start`
     end: float  #: phase at the end of the segment, counted from `period_start`
     segment: int  #: index of the segment of constant stiffness
-    contact_codes: np.ndarray  #: contact codes of the meshes, shape (m,)
+    contact_states: np.ndarray  #: contact states of the meshes, shape (m,)
     crossings: list[FlankCrossing]  #: crossings that end the arc early
 
 
 class Arc(NamedTuple):
-    """Solution on an arc, from its start to a flank crossing or to the end of its branch."""
+    """Solution on a branch, from its start to a flank crossing or to the end of the branch."""
 
     t: np.ndarray  #: phases of the k step ends, counted from the start of the mesh period, (k,)
     states: np.ndarray  #: states at the step ends, shape (k, size)
-    crossing: int | None = None  #: index of the crossing that ended the arc, None if none did
-    interpolate: Callable | None = None  #: returns states at phases; None if not recorded
+    crossing: int | None = None  #: index of the crossing at the end of the arc, None without one
+    interpolate: Callable | None = None  #: function that returns states at phases, if recorded
 
 
-class Stall(Exception):
+class SolverFailure(Exception):
     """Raised when a solver cannot continue."""
 
 
-class Split(Run):
-    """Run that is restarted at each switch of stiffness and at each change of contact.
+class SplitRun(Run):
+    """Run that is restarted at each stiffness switch and at each change of contact.
 
     Simultaneous events of several meshes are processed one after the other.
     """
 
-    #: Distance from the flank after a crossing, relative to the norm of the state. It is needed
-    #: because an event function must not start at zero.
+    #: Distance from the flank after a crossing, relative to the norm of the state. It must not be
+    #: zero, because an event function must not start at zero.
     RESTART_DISTANCE = 1e-14
 
-    def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
-        """Store a right-hand side and the settings of the solver, and list the stiffness segments.
+    def __init__(self, problem: OneDegree | PiecewiseLinear, **solver_options):
+        """Store a right-hand side and the solver options, and list the stiffness segments.
 
-        `settings` are keyword arguments of the solver, such as tolerances.
+        `solver_options` are keyword arguments of the solver, such as tolerances.
         """
-        super().__init__(problem, **settings)
-        #: List of (segment, start, end) for each mesh period of the excitation.
+        super().__init__(problem, **solver_options)
+        #: For each mesh period of the excitation, a list of (segment, start phase, end phase).
         self._segments = []
         for first, next_first in itertools.pairwise(problem.first_segment.tolist()):
             phases = problem.segment_bounds[first : next_first + 1]
@@ -82,60 +88,60 @@ class Split(Run):
     def restart_distance(self, state: np.ndarray) -> float:
         """Return the flank distance at which a state restarts after a crossing.
 
-        An event function must not start at zero, so that the state is moved a little beyond the
-        flank.
+        The state is moved slightly beyond the flank, because an event function must not start at
+        zero.
         """
         return self.RESTART_DISTANCE * max(1.0, math.sqrt(state @ state))
 
     def solve(self, branch: Branch, state: np.ndarray) -> Arc:
         """Return the `Arc` from a state to a flank crossing or to the end of a branch.
 
-        A branch is a range of phase with constant contact on one stiffness segment; an arc is the
-        solution on it. If `self.is_recording`, the arc has all steps and an interpolation. If the
-        solver fails, a subclass raises `Stall`.
+        A branch is an interval of phase with constant contact on one stiffness segment, and an arc
+        is the solution on it. If `self.is_recording`, the arc has all steps and an interpolation.
+        Raise `SolverFailure` if the solver fails.
         """
         raise NotImplementedError
 
-    def possible_crossings(self, contact_codes: np.ndarray) -> list[FlankCrossing]:
+    def possible_crossings(self, contact_states: np.ndarray) -> list[FlankCrossing]:
         """Return a list of the flank crossings that would change the contact of a mesh.
 
-        `contact_codes`, shape (m,), are the present codes of the m meshes: 1 in contact on the
-        drive flank, -1 on the coast flank, 0 without contact.
+        `contact_states`, shape (m,), are the current contact states of the m meshes: 1 for contact
+        on the drive flank, -1 on the coast flank, 0 for no contact.
         """
         crossings = []
-        for mesh, code in enumerate(contact_codes.tolist()):
+        for mesh, contact in enumerate(contact_states.tolist()):
             backlash_ratio = self.problem.backlashes[mesh]
-            if code == NO_CONTACT:
-                # Contact on the drive flank begins as the distance rises, on the coast flank as it
-                # falls.
-                crossings.append(FlankCrossing(mesh, DRIVE_FLANK, direction=1, code_after=DRIVE))
+            if contact == NO_CONTACT:
+                # Contact begins on the drive flank when the distance increases through zero, on the
+                # coast flank when it decreases through zero.
+                crossings.append(FlankCrossing(mesh, DRIVE_FLANK, direction=1, contact_after=DRIVE))
                 if backlash_ratio < math.inf:
-                    crossing = FlankCrossing(mesh, COAST_FLANK, direction=-1, code_after=COAST)
+                    crossing = FlankCrossing(mesh, COAST_FLANK, direction=-1, contact_after=COAST)
                     crossings.append(crossing)
             else:
-                code_after = next_contact_code(code, NO_CONTACT, backlash_ratio)
+                contact_after = next_contact_state(contact, NO_CONTACT, backlash_ratio)
                 flank, other_flank = DRIVE_FLANK, COAST_FLANK
-                if code == COAST:
+                if contact == COAST:
                     flank, other_flank = other_flank, flank
-                # The contact code, 1 or -1, is the sign of the distance from the touching flank.
-                crossings.append(FlankCrossing(mesh, flank, -code, code_after))
+                # The contact state, 1 or -1, is the sign of the distance from the touching flank.
+                crossings.append(FlankCrossing(mesh, flank, -contact, contact_after))
                 # In some meshes the other flank may touch as well, which jams the mesh.
                 if self.problem.may_jam[mesh]:
-                    crossings.append(FlankCrossing(mesh, other_flank, -code, code_after=BOTH))
+                    crossings.append(FlankCrossing(mesh, other_flank, -contact, contact_after=BOTH))
         return crossings
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole run from a state at phase 0; return (final state, status).
 
-        The run is split at switches of stiffness, which bound segments of a mesh period, and at
-        changes of contact. The status is OK, JAMMED, OVERFLOW, or the reason why a segment failed.
+        The run is split at stiffness switches, i.e. at the bounds of the segments of a mesh period,
+        and at contact changes. The status is OK, JAMMED, OVERFLOW, or the failure of a segment.
         """
-        problem, contact_codes = self.problem, self.initial_contact_codes
+        problem, contact_states = self.problem, self.initial_contact_states
         if problem.is_jammed(0.0, state):
             return state, status.JAMMED
-        # A state that starts on a flank is moved off it, since an event function must not start at
-        # zero.
-        for crossing in self.possible_crossings(contact_codes):
+        # A state that lies on a flank is moved away from it, because an event function must not
+        # start at zero.
+        for crossing in self.possible_crossings(contact_states):
             mesh, flank, direction, _ = crossing
             if problem.flank_distances(0.0, state)[flank][mesh] == 0.0:
                 distance = -direction * self.restart_distance(state)
@@ -145,63 +151,66 @@ class Split(Run):
                 self.add_strobes(np.array([period]), state[None])
             self.is_recording, self.arc_count = period >= self.first_recorded, 0
             for segment, start, end in self._segments[period % len(self._segments)]:
-                state, contact_codes, code = self._integrate_segment(
-                    period, segment, start, end, state, contact_codes
+                state, contact_states, status_code = self._integrate_segment(
+                    period, segment, start, end, state, contact_states
                 )
-                if code != status.OK:
-                    return state, code
-            if not within_range(state):
+                if status_code != status.OK:
+                    return state, status_code
+            if not is_state_in_range(state):
                 return state, status.OVERFLOW
         return state, status.OK
 
-    def _integrate_segment(self, period, segment, start, end, state, contact_codes) -> tuple:
-        """Integrate over one segment of constant stiffness; return (state, contact codes, status).
+    def _integrate_segment(self, period, segment, start, end, state, contact_states) -> tuple:
+        """Integrate over one segment of constant stiffness; return (state, contact states, status).
 
         `segment` is the index of the segment, and its phases `start` and `end` count from the start
-        of mesh period `period`. `contact_codes`, (m,), are 1 (drive flank), 0 or -1 (coast flank)
-        for each mesh. Each turn solves one arc, up to a flank crossing or the end. A mesh period
-        with more than `max_events` arcs ends the run with EVENT_LIMIT.
+        of mesh period number `period`. `contact_states`, (m,), are 1 (drive flank), 0 (no contact)
+        or -1 (coast flank) for each mesh. Each iteration solves one arc, up to a flank crossing or
+        the end of the segment. The status is EVENT_LIMIT if a mesh period has more than
+        `max_events` arcs.
         """
         t, period_start = start, self._excitation_phase(period)
-        crossings = self.possible_crossings(contact_codes)
+        crossings = self.possible_crossings(contact_states)
         while t < end:
             self.arc_count += 1
             if self.arc_count > self.max_events:
-                return state, contact_codes, status.EVENT_LIMIT
-            # If the flank distance is only a rounding error, the solver may miss its sign change.
+                return state, contact_states, status.EVENT_LIMIT
+            # The solver may miss a sign change if the flank distance is only a rounding error.
             tolerance = 0.5 * self.restart_distance(state)
             index = self.problem.reached_crossing(period_start + t, state, crossings, tolerance)
             if index is None:
-                branch = Branch(period_start, t, end, segment, contact_codes, crossings)
+                branch = Branch(period_start, t, end, segment, contact_states, crossings)
                 try:
                     arc = self.solve(branch, state)
-                except Stall:
-                    return state, contact_codes, code_of_stall(state)
+                except SolverFailure:
+                    return state, contact_states, failure_status(state)
                 if self.is_recording:
                     self.record_branch(
-                        period, arc.t, arc.states, arc.interpolate, segment, contact_codes
+                        period, arc.t, arc.states, arc.interpolate, segment, contact_states
                     )
                 t, state, index = arc.t[-1], arc.states[-1].copy(), arc.crossing
             if index is not None:
-                contact_codes = self._cross(period, t, state, contact_codes, crossings[index])
-                crossings = self.possible_crossings(contact_codes)
-                if BOTH in contact_codes:
-                    return state, contact_codes, status.JAMMED
-        return state, contact_codes, status.OK
+                contact_states = self._apply_crossing(
+                    period, t, state, contact_states, crossings[index]
+                )
+                crossings = self.possible_crossings(contact_states)
+                if BOTH in contact_states:
+                    return state, contact_states, status.JAMMED
+        return state, contact_states, status.OK
 
-    def _cross(self, period: int, t: float, state, contact_codes, crossing) -> np.ndarray:
-        """Move a state just beyond the flank that it crosses; return the new contact codes.
+    def _apply_crossing(self, period: int, t: float, state, contact_states, crossing) -> np.ndarray:
+        """Move a state slightly beyond the flank that it crosses; return the new contact states.
 
-        The state changes in place, because an event function must not start at zero. The phase t is
-        counted from the start of mesh period `period`. `contact_codes`, shape (m,), are the codes
-        before the `FlankCrossing` `crossing`.
+        The state is modified in place, because an event function must not start at zero. The phase
+        t is counted from the start of mesh period number `period`. `contact_states`, shape (m,),
+        are the contact states before the `FlankCrossing` `crossing`.
         """
-        mesh, flank, direction, code_after = crossing
+        mesh, flank, direction, contact_after = crossing
         phase = self._excitation_phase(period) + t
         distance = direction * self.restart_distance(state)
         self.problem.set_distance(phase, state, mesh, flank, distance)
         if self.is_recording:
-            self.add_event(period, t, state, mesh, int(contact_codes[mesh]), code_after)
-        contact_codes = contact_codes.copy()
-        contact_codes[mesh] = code_after
-        return contact_codes
+            self.add_event(period, t, state, mesh, int(contact_states[mesh]), contact_after)
+        contact_states = contact_states.copy()
+        contact_states[mesh] = contact_after
+        return contact_states

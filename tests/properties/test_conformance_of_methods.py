@@ -123,5 +123,5 @@ def test_methods_refuse_models_that_they_cannot_run():
     unsupported = [(bouncing_train(), method) for method in ("taylor", "rk45", "newmark")]
     unsupported += [(TEETH, method) for method in ("rk4", "scipy", "heyoka")]
     for model, method in unsupported:
-        with pytest.raises(ValueError, match=f"method = '{method}' .* it takes .* must be one of"):
+        with pytest.raises(ValueError, match=f"method = '{method}' .* it supports .* must be one of"):
             gearlib.simulate(model, 0.9, periods=1, method=method)

@@ -61,7 +61,7 @@ def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
     stiffness lines, stiffness harmonics, force harmonics), which describe mesh stiffness and
     external force.
     """
-    segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics = excitation
+    segment_bounds, stiffness_segments, stiffness_harmonics, force_harmonics = excitation
     new_x, new_v = x, v
     for i in range(1, 7):
         dx, dv = 0.0, 0.0
@@ -72,7 +72,7 @@ def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
         stages[i, 0] = new_v
         stages[i, 1] = acceleration_at(
             segment_bounds,
-            stiffness_lines,
+            stiffness_segments,
             stiffness_harmonics,
             force_harmonics,
             contact_law,
@@ -129,8 +129,8 @@ def take_embedded_steps(equation, record_start, end, max_attempts, progress, tim
     """
     mesh, contact_law, control = equation
     # Each attribute access changes reference counts, so the loop uses local names.
-    bounds, lines = mesh.segment_bounds, mesh.stiffness_lines
-    excitation = bounds, lines, mesh.stiffness_harmonics, mesh.force_harmonics
+    bounds, segments = mesh.segment_bounds, mesh.stiffness_segments
+    excitation = bounds, segments, mesh.stiffness_harmonics, mesh.force_harmonics
     rtol, mesh_period = control.rtol, 2.0 * math.pi
     t, x, v, evaluations = times[0], states[0, 0], states[0, 1], 0
     a = acceleration_at(*excitation, contact_law, t, x, v)

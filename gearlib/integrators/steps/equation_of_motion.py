@@ -54,8 +54,8 @@ def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLa
 
 
 @inlined_kernel
-def contact_code_at(contact_law: ContactLaw, x: float) -> int:
-    """Return the contact code (drive side, coast side or no contact) at the displacement x."""
+def contact_state_at(contact_law: ContactLaw, x: float) -> int:
+    """Return the contact state (drive side, coast side or no contact) at the displacement x."""
     if x >= contact_law.drive_x:
         return DRIVE
     return COAST if x <= contact_law.coast_x else NO_CONTACT
@@ -75,27 +75,27 @@ def _force_over_stiffness(contact_law: ContactLaw, deflection: float) -> float:
 
 
 @inlined_kernel
-def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
+def contact_terms(contact_law: ContactLaw, contact_state: int) -> tuple:
     """Return (1.0 in contact, else 0.0; displacement at first contact; damping coefficients).
 
     The coefficients d1, d2, d3 multiply v, |v| v and v^3. Without contact the displacement of the
     drive flank is returned, which has no effect.
     """
-    if contact_code == DRIVE:
+    if contact_state == DRIVE:
         return 1.0, contact_law.drive_x, contact_law.drive_damping
-    if contact_code == COAST:
+    if contact_state == COAST:
         return 1.0, contact_law.coast_x, contact_law.coast_damping
     return 0.0, contact_law.drive_x, contact_law.backlash_damping
 
 
 @inlined_kernel
-def contact_forces(contact_law: ContactLaw, contact_code: int, x: float, v: float) -> tuple:
+def contact_forces(contact_law: ContactLaw, contact_state: int, x: float, v: float) -> tuple:
     """Return (elastic force over stiffness g, damping force) without smoothing.
 
-    x is the displacement and v the velocity of the mesh. The contact code, 1 (drive flank), 0 (no
+    x is the displacement and v the velocity of the mesh. The contact state, 1 (drive flank), 0 (no
     contact) or -1 (coast flank), determines the flank and the damping.
     """
-    is_touching, contact_x, damping = contact_terms(contact_law, contact_code)
+    is_touching, contact_x, damping = contact_terms(contact_law, contact_state)
     g = is_touching * _force_over_stiffness(contact_law, x - contact_x)
     return g, damping_force(damping, v)
 
@@ -118,11 +118,11 @@ def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
 
 
 @inlined_kernel
-def force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v) -> tuple:
+def force_and_acceleration(contact_law, contact_state, stiffness, external_force, x, v) -> tuple:
     """Return (elastic mesh force over stiffness g, acceleration x'') at displacement x, velocity v.
 
     `stiffness` and `external_force` are values at the present phase. A smoothed contact law ignores
-    the contact code (1 drive flank, 0 none, -1 coast flank); only gear pairs have such a law, with
+    the contact state (1 drive flank, 0 none, -1 coast flank); only gear pairs have such a law, with
     equal damping of both flanks and without ground stiffness.
     """
     if contact_law.sharpness > 0.0:
@@ -130,7 +130,7 @@ def force_and_acceleration(contact_law, contact_code, stiffness, external_force,
         damping = contact_factor * damping_force(contact_law.drive_damping, v)
         backlash_damping = (1.0 - contact_factor) * damping_force(contact_law.backlash_damping, v)
         return g, external_force - damping - backlash_damping - stiffness * g
-    g, damping = contact_forces(contact_law, contact_code, x, v)
+    g, damping = contact_forces(contact_law, contact_state, x, v)
     ground_force = contact_law.ground_stiffness * x
     return g, external_force - ground_force - damping - stiffness * g
 
@@ -151,8 +151,8 @@ def acceleration(contact_law, stiffness, external_force, x: float, v: float) -> 
             return external_force - damping * v - stiffness * (x - contact_law.coast_x)
         return external_force - contact_law.backlash_damping[0] * v
     # The second of the two results is the acceleration.
-    contact_code = contact_code_at(contact_law, x)
-    return force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v)[1]
+    contact_state = contact_state_at(contact_law, x)
+    return force_and_acceleration(contact_law, contact_state, stiffness, external_force, x, v)[1]
 
 
 @inlined_kernel
@@ -173,11 +173,11 @@ def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
 
 
 @inlined_kernel
-def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, phase_shift) -> float:
+def stiffness_at(segment_bounds, stiffness_segments, harmonics, phase, phase_shift) -> float:
     """Return the mesh stiffness at a phase from 0 to 2 pi: a line on each segment plus harmonics.
 
     If the stiffness jumps at the phase, the small `phase_shift` selects the segment after it (> 0)
-    or before it (< 0). `stiffness_lines`, shape (m, 2), has rows (start value, slope), one per
+    or before it (< 0). `stiffness_segments`, shape (m, 2), has rows (start value, slope), one per
     segment; `segment_bounds` has the shape (m + 1,); `harmonics` has rows (order, cosine, sine
     coefficient).
     """
@@ -190,7 +190,7 @@ def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, phase_shift)
     i = 0
     while i + 2 < segment_bounds.shape[0] and shifted_phase >= segment_bounds[i + 1]:
         i += 1
-    line_value = stiffness_lines[i, 0] + stiffness_lines[i, 1] * (
+    line_value = stiffness_segments[i, 0] + stiffness_segments[i, 1] * (
         shifted_phase - phase_shift - segment_bounds[i]
     )
     return line_value + harmonic_sum(harmonics, phase)
@@ -198,7 +198,7 @@ def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, phase_shift)
 
 @inlined_kernel
 def acceleration_at(
-    segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics, contact_law, t, x, v
+    segment_bounds, stiffness_segments, stiffness_harmonics, force_harmonics, contact_law, t, x, v
 ) -> float:
     """Return the acceleration x'' at the mesh phase t, displacement x and velocity v.
 
@@ -209,7 +209,7 @@ def acceleration_at(
     # The phase within the mesh period, from 0 to 2 pi.
     phase = t - 2.0 * math.pi * math.floor(t * (0.5 / math.pi))
     stiffness = stiffness_at(
-        segment_bounds, stiffness_lines, stiffness_harmonics, phase, SAME_PHASE_TOLERANCE
+        segment_bounds, stiffness_segments, stiffness_harmonics, phase, SAME_PHASE_TOLERANCE
     )
     return acceleration(contact_law, stiffness, harmonic_sum(force_harmonics, phase), x, v)
 
@@ -222,52 +222,57 @@ def mesh_acceleration(contact_law, mesh: NonlinearMesh, t: float, x: float, v: f
     smoothed contact law (sharpness > 0) has one stiffness for both.
     """
     if contact_law.sharpness == 0.0 and x <= contact_law.coast_x:
-        lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
+        stiffness_segments, harmonics = (
+            mesh.coast_stiffness_segments,
+            mesh.coast_stiffness_harmonics,
+        )
     else:
-        lines, harmonics = mesh.stiffness_lines, mesh.stiffness_harmonics
+        stiffness_segments, harmonics = mesh.stiffness_segments, mesh.stiffness_harmonics
     bounds, force_harmonics = mesh.segment_bounds, mesh.force_harmonics
-    return acceleration_at(bounds, lines, harmonics, force_harmonics, contact_law, t, x, v)
+    return acceleration_at(
+        bounds, stiffness_segments, harmonics, force_harmonics, contact_law, t, x, v
+    )
 
 
 @inlined_kernel
-def _segment_stiffness(segment_bounds, stiffness_lines, harmonics, segment, t) -> float:
+def _segment_stiffness(segment_bounds, stiffness_segments, harmonics, segment, t) -> float:
     """Return the mesh stiffness at the mesh phase t on a segment.
 
-    The stiffness is a line on each segment plus harmonics. `stiffness_lines`, shape (m, 2), has the
-    start value and the slope of each of the m segments, and `segment_bounds` has their bounds.
+    The stiffness is a line on each segment plus harmonics. `stiffness_segments`, shape (m, 2), has
+    the start value and the slope of each of the m segments, and `segment_bounds` has their bounds.
     """
     # Rounding may put t just before the start of the segment; without the shift by 1e-6 the
     # remainder would then be almost 2 pi.
     offset = (t - segment_bounds[segment] + 1e-6) % (2.0 * math.pi) - 1e-6
-    line_value = stiffness_lines[segment, 0] + stiffness_lines[segment, 1] * offset
+    line_value = stiffness_segments[segment, 0] + stiffness_segments[segment, 1] * offset
     return line_value + harmonic_sum(harmonics, t)
 
 
 @kernel
 def forces_and_accelerations(
-    contact_law, mesh, phases, segments, contact_codes, states
+    contact_law, mesh, phases, segments, contact_states, states
 ) -> np.ndarray:
     """Return (mesh stiffness, elastic force over stiffness, x'') of states (k, 2), shape (k, 3).
 
-    A state is (x, x'). Phases, indices of stiffness segments and contact codes (1 drive flank, 0
-    none, -1 coast flank) have the shape (k,). A smoothed contact law ignores the contact codes.
+    A state is (x, x'). Phases, indices of stiffness segments and contact states (1 drive flank, 0
+    none, -1 coast flank) have the shape (k,). A smoothed contact law ignores the contact states.
     """
     # Each attribute access changes reference counts, so the loop uses local names.
     bounds, force_harmonics = mesh.segment_bounds, mesh.force_harmonics
-    lines, harmonics = mesh.stiffness_lines, mesh.stiffness_harmonics
-    coast_lines, coast_harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
+    stiffness_segments, harmonics = mesh.stiffness_segments, mesh.stiffness_harmonics
+    coast_segments, coast_harmonics = mesh.coast_stiffness_segments, mesh.coast_stiffness_harmonics
     table = np.empty((phases.shape[0], 3))
     for i in range(phases.shape[0]):
-        t, segment, contact_code = phases[i], segments[i], contact_codes[i]
-        if contact_code == COAST and contact_law.sharpness == 0.0:
-            stiffness = _segment_stiffness(bounds, coast_lines, coast_harmonics, segment, t)
+        t, segment, contact_state = phases[i], segments[i], contact_states[i]
+        if contact_state == COAST and contact_law.sharpness == 0.0:
+            stiffness = _segment_stiffness(bounds, coast_segments, coast_harmonics, segment, t)
         else:
-            stiffness = _segment_stiffness(bounds, lines, harmonics, segment, t)
+            stiffness = _segment_stiffness(bounds, stiffness_segments, harmonics, segment, t)
         external_force = harmonic_sum(force_harmonics, t)
         x, v = states[i, 0], states[i, 1]
         table[i, 0] = stiffness
         table[i, 1], table[i, 2] = force_and_acceleration(
-            contact_law, contact_code, stiffness, external_force, x, v
+            contact_law, contact_state, stiffness, external_force, x, v
         )
     return table
 
@@ -277,9 +282,9 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
     """Return d(state)/dtau of a gear train at the mesh phase t; the state determines the contacts.
 
     The state, shape (2 N,), holds displacements, then velocities by theta, the dimensionless time.
-    In `system`, `starts` bounds the stiffness segments; the rows of `drive_lines` and
-    `coast_lines`, (m, n), times the full state, which includes the constant 1 and the harmonics,
-    are the distances of the m meshes from their flanks.
+    In `system`, `starts` bounds the stiffness segments; the rows of `drive_distance_rows` and
+    `coast_distance_rows`, (m, n), times the full state, which includes the constant 1 and the
+    harmonics, are the distances of the m meshes from their flanks.
     """
     size = state.shape[0]
     full_state, derivative = np.empty(system.base_matrix.shape[0]), np.empty(size)
@@ -291,14 +296,14 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
         segment += 1
     for i in range(size):
         derivative[i] = dot(system.base_matrix[i], full_state)
-    for mesh in range(system.drive_lines.shape[0]):
-        contact_code = NO_CONTACT
-        if dot(system.drive_lines[mesh], full_state) >= 0.0:
-            contact_code = DRIVE
-        elif dot(system.coast_lines[mesh], full_state) <= 0.0:
-            contact_code = COAST
-        # `effect` holds the force case of a mesh: no contact, or contact at some stiffness.
-        force_case = system.effect[contact_code + 1, segment, mesh]
+    for mesh in range(system.drive_distance_rows.shape[0]):
+        contact_state = NO_CONTACT
+        if dot(system.drive_distance_rows[mesh], full_state) >= 0.0:
+            contact_state = DRIVE
+        elif dot(system.coast_distance_rows[mesh], full_state) <= 0.0:
+            contact_state = COAST
+        # `force_index` holds the force case of a mesh: no contact, or contact at some stiffness.
+        force_case = system.force_index[contact_state + 1, segment, mesh]
         # A mesh has two forces: elastic with damping, and friction. Both are linear in the state.
         for k in range(2):
             force = dot(system.force_output[mesh, force_case, k], full_state)
@@ -325,8 +330,8 @@ def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndar
     for mesh in range(may_jam.shape[0]):
         if (
             may_jam[mesh]
-            and dot(system.drive_lines[mesh], full_state) >= 0.0
-            and is_past_coast_line(system.coast_lines[mesh], full_state)
+            and dot(system.drive_distance_rows[mesh], full_state) >= 0.0
+            and is_past_coast_line(system.coast_distance_rows[mesh], full_state)
         ):
             return True
     return False

@@ -18,8 +18,8 @@ from gearlib.engines.taylor.series import NonlinearMesh
 from gearlib.integrators.steps.equation_of_motion import (
     SAME_PHASE_TOLERANCE,
     acceleration,
-    contact_code_at,
     contact_forces,
+    contact_state_at,
     contact_terms,
     damping_force,
     harmonic_sum,
@@ -60,7 +60,7 @@ def tabulate_excitation(mesh: NonlinearMesh, steps: int, middle_fraction: float)
             # At a jump of the stiffness, a step that ends there takes the value before it.
             shift = -SAME_PHASE_TOLERANCE if fraction == 1.0 else SAME_PHASE_TOLERANCE
             stiffness[k, column] = stiffness_at(
-                mesh.segment_bounds, mesh.stiffness_lines, mesh.stiffness_harmonics, phase, shift
+                mesh.segment_bounds, mesh.stiffness_segments, mesh.stiffness_harmonics, phase, shift
             )
             force[k, column] = harmonic_sum(mesh.force_harmonics, phase)
     # The stiffness is periodic, so the first step follows the last one.
@@ -104,7 +104,7 @@ def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle
     dx_da, dv_da = (1.0 - alpha_f) * scheme.beta * h * h, (1.0 - alpha_f) * scheme.gamma * h
     p2, p3 = contact_law.nonlinear_stiffness
     is_touching, contact_x, (d1, d2, d3) = contact_terms(
-        contact_law, contact_code_at(contact_law, start_x)
+        contact_law, contact_state_at(contact_law, start_x)
     )
     deflection, speed = abs(start_x - contact_x), abs(start_v)
     secant_stiffness = stiffness * is_touching * (1.0 + (p2 + p3 * deflection) * deflection)
@@ -132,10 +132,10 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
     a, iterations = start_a, 0
     while iterations < MAX_ITERATIONS:
         x, v = middle_x + dx_da * a, middle_v + dv_da * a
-        contact_code = contact_code_at(contact_law, x)
-        g, damping = contact_forces(contact_law, contact_code, x, v)
+        contact_state = contact_state_at(contact_law, x)
+        g, damping = contact_forces(contact_law, contact_state, x, v)
         residual = (1.0 - alpha_m) * a + alpha_m * start_a + damping + stiffness * g - force
-        is_touching, contact_x, (d1, d2, d3) = contact_terms(contact_law, contact_code)
+        is_touching, contact_x, (d1, d2, d3) = contact_terms(contact_law, contact_state)
         deflection, speed = is_touching * abs(x - contact_x), abs(v)
         dg_dx = is_touching * (1.0 + (2.0 * p2 + 3.0 * p3 * deflection) * deflection)
         tangent_stiffness = stiffness * dg_dx
