@@ -9,7 +9,7 @@ from gearlib.uncertainty import observation
 from gearlib.uncertainty.observation import Channel
 from tests.independent import differences
 from tests.independent.systems import describe, system_of
-from tests.physics.test_fits import TRUTH
+from tests.physics.test_fits import TRUE_PAIR
 
 #: Largest relative difference.
 RELATIVE_TOLERANCE = 1e-9
@@ -19,12 +19,12 @@ def test_statistics_of_an_orbit_match_the_independent_program_in_50_digits():
     """Statistics of an orbit with contact loss must equal those of a second code in 50 digits."""
     # Sweeping down reaches the upper branch, where contact is lost.
     tunings = np.linspace(0.7, 1.0, 8)
-    run = gearlib.sweep(TRUTH, tunings, periods=300, record_periods=1, direction="down")
+    run = gearlib.sweep(TRUE_PAIR, tunings, periods=300, record_periods=1, direction="down")
     speed, state = float(run.speed[0]), run.final_state.values[0]
-    quantities = observation.orbit_quantities(TRUTH, speed, state)
+    quantities = observation.orbit_quantities(TRUE_PAIR, speed, state)
     assert quantities["displacement_min"] < 0.0
     with mp.workdps(50):
-        pair = describe(TRUTH)
+        pair = describe(TRUE_PAIR)
         nu = mp.mpf(speed) * mp.pi * pair["teeth"] / 30 / system_of(pair, 1.0, mp).speed
         orbit_state, _ = differences.orbit_of(pair, nu, period=1, guess=state)
         system = system_of(pair, nu, mp)

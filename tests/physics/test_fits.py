@@ -1,4 +1,4 @@
-"""Fits to run-ups and jumps of synthetic rigs, whose truth is known; parameters of trains."""
+"""Fit models to synthetic run-ups, jumps and orbits, whose true parameters are known."""
 
 import math
 from dataclasses import replace
@@ -14,44 +14,41 @@ from gearlib.uncertainty.observations import split_variable_names
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER_PAIR
 
-TRUTH = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
-FREE = {
+TRUE_PAIR = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
+PARAMETER_BOUNDS = {
     "material_damping": (1000.0, 9000.0),
     "reduced_mass": (2.6, 3.7),
     "contact_ratio": (1.4, 1.75),
 }
 #: Names of parameters of `planetary_set`.
-SUN, PIN = "max_stiffness of mesh sun 1", "offset of body planet 1, y"
+SUN_MESH_STIFFNESS, PIN_OFFSET = "max_stiffness of mesh sun 1", "offset of body planet 1, y"
 
 
-def course(pair):
-    """Return a speed course up through the resonance in half a second, and down again."""
+def speed_course(pair):
+    """Return a speed course, (s, rpm), up through the resonance in half a second and down again."""
     low_speed, high_speed = pair.speed(0.6), pair.speed(1.0)
     return [(0.0, low_speed), (0.5, high_speed), (1.0, low_speed)]
 
 
 def test_a_fit_without_coast_contact_reports_a_lower_bound_of_the_backlash():
-    """The largest travel into the backlash is all that the data tell of an untouched flank."""
-    data = synthetic_rig(TRUTH, course(TRUTH), seed=3)
+    """If the coast flank is never touched, the backlash must be at least the largest separation."""
+    data = synthetic_rig(TRUE_PAIR, speed_course(TRUE_PAIR), seed=3)
     free = {"material_damping": (1000.0, 9000.0), "backlash": (1e-5, 9e-5)}
-    fit = gearlib.fit(TRUTH.replace(backlash=6e-5), data, free)
+    fit = gearlib.fit(TRUE_PAIR.replace(backlash=6e-5), data, free)
     (sentence,) = fit.unknown
     assert sentence.startswith("backlash is not identifiable: the coast side is never in contact")
     bound = float(sentence.split("at least ")[1].split(" m")[0])
-    run = gearlib.run_up(TRUTH, speed=course(TRUTH))
-    # The bound omits the revolutions in which the motion jumps, whose travel is larger.
-    assert 0.7 * bound < -float(run.displacement_min.min()) and bound < 1.01 * TRUTH.backlash
+    run = gearlib.run_up(TRUE_PAIR, speed=speed_course(TRUE_PAIR))
+    # The bound omits the revolutions in which the motion jumps, whose separation is larger.
+    assert 0.7 * bound < -float(run.displacement_min.min()) and bound < 1.01 * TRUE_PAIR.backlash
     assert not fit.params["backlash"].identifiable and "not known" in str(fit)
     assert fit.params["material_damping"].identifiable
 
 
 def test_a_fit_with_coast_contact_recovers_the_backlash():
-    """Fit the backlash to synthetic data in which both flanks touch.
-
-    Contact of the coast flank is what makes the backlash visible in the data.
-    """
-    truth = TRUTH.replace(backlash=1e-5)
-    data = synthetic_rig(truth, course(truth), seed=0)
+    """If both flanks are touched, the fitted backlash must agree within five standard errors."""
+    truth = TRUE_PAIR.replace(backlash=1e-5)
+    data = synthetic_rig(truth, speed_course(truth), seed=0)
     fit = gearlib.fit(truth.replace(backlash=1.2e-5), data, {"backlash": (2e-6, 6e-5)})
     backlash = fit.params["backlash"]
     assert backlash.identifiable
@@ -59,11 +56,13 @@ def test_a_fit_with_coast_contact_recovers_the_backlash():
 
 
 def jump_speeds(pair):
-    """Return a dataset of the exact jump speeds of sweeps down and up, at the branch's folds."""
+    """Return a dataset of the jump speeds of downward and upward sweeps, with noise of 1 rpm.
+
+    The speeds are exact: jumps occur at the folds of the branch of periodic orbits.
+    """
     branch = gearlib.continue_orbit(gearlib.periodic_orbit(pair, 1.1), to=0.6)
-    jump_down_speed, jump_up_speed = np.sort(
-        branch.tuning.values[branch.label.values == FOLD]
-    ) * pair.speed(1.0)
+    fold_tunings = np.sort(branch.tuning.values[branch.label.values == FOLD])
+    jump_down_speed, jump_up_speed = fold_tunings * pair.speed(1.0)
     attrs = {"units": "min-1", "noise_std": 1.0}
     return xr.Dataset(
         {"jump_down": ((), jump_down_speed, attrs), "jump_up": ((), jump_up_speed, attrs)}
@@ -71,27 +70,31 @@ def jump_speeds(pair):
 
 
 def test_two_jump_speeds_determine_two_parameters():
-    """Fit two parameters to two jump speeds, so that the fit must return the true values."""
-    free = {name: FREE[name] for name in ("material_damping", "reduced_mass")}
-    guess = TRUTH.replace(reduced_mass=3.05, material_damping=4200.0)
-    fit = gearlib.fit(guess, jump_speeds(TRUTH), free)
+    """A fit of two parameters to two exact jump speeds must return the true values."""
+    free = {name: PARAMETER_BOUNDS[name] for name in ("material_damping", "reduced_mass")}
+    guess = TRUE_PAIR.replace(reduced_mass=3.05, material_damping=4200.0)
+    fit = gearlib.fit(guess, jump_speeds(TRUE_PAIR), free)
     for name, parameter in fit.params.items():
-        # There are as many data as parameters: the fit is exact.
-        assert parameter.value == pytest.approx(getattr(TRUTH, name), rel=1e-6), name
+        # With as many data as parameters, the fit has no residuals.
+        assert parameter.value == pytest.approx(getattr(TRUE_PAIR, name), rel=1e-6), name
     assert "[[Variables]]" in str(fit) and fit.ndata == 2
 
 
 def planetary_set(**options):
-    """Return a planetary set whose first pin lies 10 um behind its place."""
-    pins = (0.0, 1e-5), (0.0, 0.0), (0.0, 0.0)
-    train = gearlib.planetary(stiffness_ratio=(0.6, 0.7), pin_errors=pins, **options)
+    """Return a planetary set whose first pin has a tangential error of 10 um.
+
+    `options` are further arguments of `gearlib.planetary`.
+    """
+    pin_errors = (0.0, 1e-5), (0.0, 0.0), (0.0, 0.0)
+    train = gearlib.planetary(stiffness_ratio=(0.6, 0.7), pin_errors=pin_errors, **options)
+    # The reference frequency must not change with fitted parameters.
     return train.replace(reference_frequency=train.reference_angular_frequency / (2.0 * np.pi))
 
 
 def noisy_orbit(model, speed, names):
-    """Return a dataset of named quantities of the periodic orbit at a speed, with 0.3 % of noise.
+    """Return a dataset of quantities of the periodic orbit at a speed (rpm), with 0.3 % noise.
 
-    Names are those of columns of measured data, such as load_sharing_sun_1.
+    The names are variables of measured data, such as "load_sharing_sun_1".
     """
     rng = np.random.default_rng(5)
     samples = observation.SAMPLES_PER_PERIOD
@@ -105,32 +108,32 @@ def noisy_orbit(model, speed, names):
 
 
 def test_load_sharing_and_orders_determine_a_stiffness_and_a_pin_error():
-    """Fit a sun mesh stiffness and a pin error of a planetary train to noisy orbits.
+    """Fit the stiffness of a sun mesh and a pin error to quantities of a noisy orbit.
 
     The true values must lie within five standard errors and in the reported intervals.
     """
-    # Ring and carrier do not move sideways.
+    # Ring and carrier have rigid bearings.
     truth = planetary_set(support_stiffness=(1e8, math.inf, math.inf, 1e8))
     names = [*(f"load_sharing_sun_{i}" for i in (1, 2, 3)), "order_amplitude_1_sun_1"]
-    guess = truth.with_values({SUN: 5.5e8, PIN: 0.0})
-    free = {SUN: (4e8, 1e9), PIN: (-3e-5, 3e-5)}
+    guess = truth.with_values({SUN_MESH_STIFFNESS: 5.5e8, PIN_OFFSET: 0.0})
+    free = {SUN_MESH_STIFFNESS: (4e8, 1e9), PIN_OFFSET: (-3e-5, 3e-5)}
     fit = gearlib.fit(guess, noisy_orbit(truth, 2500.0, names), free)
     assert fit.ndata == 4 and fit.redchi < 2.6 and not fit.unknown
     for name, parameter in fit.params.items():
         assert abs(parameter.value - truth.value(name)) < 5.0 * parameter.stderr, name
         low, high = parameter.interval
         assert low <= truth.value(name) <= high, name
-    # The pin error shows in the load sharing: 5 % of a load for 10 um.
-    assert fit.params[PIN].stderr < 2e-6 and fit.params[SUN].stderr < 2e7
+    # The errors must be small compared with the pin error of 10 um and the stiffness of 7e8 N/m.
+    assert fit.params[PIN_OFFSET].stderr < 2e-6 and fit.params[SUN_MESH_STIFFNESS].stderr < 2e7
 
 
 def test_every_settable_parameter_reads_back_the_value_set():
-    """Setting any parameter by name to its present value must leave the model unchanged."""
-    # Two axes with different values have no common name.
+    """Setting any parameter by name to its current value must leave the model unchanged."""
+    # If x and y have different values, there is no name for both.
     train = planetary_set().with_values({"support_damping of body sun, y": 7.0})
     assert "support_damping of body sun" not in train.settable
-    # If a support is rigid along x, its name refers to y.
-    guided_train = gearlib.split_power_reducer(TRUTH)
+    # If a support is rigid along x, the name without an axis refers to y.
+    guided_train = gearlib.split_power_reducer(TRUE_PAIR)
     support = {"support_stiffness": (math.inf, 1e8), "support_damping": (0.0, 500.0)}
     body = replace(guided_train.bodies[0], mass=3.0, **support)
     guided_train = guided_train.replace(bodies=(body, *guided_train.bodies[1:]))
@@ -146,17 +149,17 @@ def test_every_settable_parameter_reads_back_the_value_set():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"free": {"contact_ratio": (1.5, 2.5)}}, "contact_ratio = 2.5"),
         ({"data": xr.Dataset()}, "it must have a displacement over time, one of"),
-        ({"free": FREE}, "2 observations for 3 parameters, and must have at least"),
+        ({"free": PARAMETER_BOUNDS}, "2 observations for 3 parameters, and must have at least"),
     ],
 )
-def test_a_fit_without_usable_data_or_parameters_is_refused_in_one_sentence(changes, words):
-    """A fit must refuse each unusable input in one line that names the cause."""
-    settings = {"model": TRUTH, "data": jump_speeds(TRUTH)}
-    settings["free"] = {"reduced_mass": FREE["reduced_mass"]}
+def test_a_fit_without_usable_data_or_parameters_is_refused_in_one_sentence(changes, message):
+    """A fit must refuse unusable data or bounds in one line that names the cause."""
+    arguments = {"model": TRUE_PAIR, "data": jump_speeds(TRUE_PAIR)}
+    arguments["free"] = {"reduced_mass": PARAMETER_BOUNDS["reduced_mass"]}
     with pytest.raises(ValueError, match="not allowed") as refusal:
-        gearlib.fit(**settings | changes)
-    assert words in str(refusal.value) and "\n" not in str(refusal.value)
+        gearlib.fit(**arguments | changes)
+    assert message in str(refusal.value) and "\n" not in str(refusal.value)
