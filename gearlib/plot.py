@@ -1,8 +1,8 @@
 """Functions that plot datasets: `resonance`, `phase_plane`, `time_course` and others.
 
-All draw into ``axes``, or into axes of a new pyplot figure, and return them, so that
-``axes.figure.savefig("curve.png")`` writes the plot. The figures of the workflow have the same
-style and share the code. Second scales are in SI units; gear pairs defined by ratios have none.
+All functions plot on ``axes``, by default those of a new pyplot figure, and return them, so that
+``axes.figure.savefig("curve.png")`` saves the plot. The figures of the workflow use the same style
+and code. Secondary axes are in SI units; gear pairs defined by ratios have none.
 """
 
 import math
@@ -49,22 +49,22 @@ __all__ = [
 
 @style.rc_context()
 def resonance(*sweeps, axes=None, labels=None, variable=None):
-    """Draw resonance characteristics, with lines for periodic motions and markers for others.
+    """Plot resonance curves, with lines for periodic motions and markers for all others.
 
-    They show the size of the motion over the tuning (mesh frequency over natural frequency).
+    They show the amplitude of the motion over the tuning (mesh frequency / natural frequency).
 
     Parameters
     ----------
     *sweeps : xarray.Dataset
-        Datasets returned by `gearlib.sweep`, or results of the workflow, which have a curve for
-        each damping and direction.
+        Datasets returned by `gearlib.sweep`, or results of the workflow with a curve for each
+        damping and direction.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
     labels : sequence of str, optional
         Legend label of each dataset; by default damping, direction and mesh where they differ.
     variable : str, optional
-        Name of a variable over the tuning; by default the largest and smallest displacement, or for
-        a gear train the ratio of the largest to the static force of each mesh.
+        Name of a variable over the tuning; by default the largest and smallest displacement or, for
+        a gear train, the ratio of the largest to the static force of each mesh.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     names = (variable,) if variable else resonance_figure.EXTREMA
     if is_train and variable is None:
         names = ("dynamic_factor" if "dynamic_factor" in sweeps[0] else "peak_force_ratio",)
-    # Messages about missing variables name the functions that draw and that compute datasets.
+    # Error messages name the plotting function and the function that computes the datasets.
     sources = {"dim": "tuning", "caller": "resonance", "source": "sweep"}
     curves = plot_curves.create_curves(sweeps, labels, (*names, "period"), **sources)
     axes = plot_curves.get_axes(axes)
@@ -88,14 +88,14 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     axes.set_ylim(style.axis_limits(*ranges))
     axes.set_xlim(style.axis_limits(*(sweep.tuning for sweep in sorted_sweeps), margin=0.0))
     for number, (curve, sweep) in enumerate(zip(curves, sorted_sweeps, strict=True)):
-        # Markers of each curve are shifted along the line, so that equal curves stay visible.
+        # The markers of each curve are shifted along the line, so that equal curves stay visible.
         marker_shift = number / len(curves)
         resonance_figure.draw_sweep(
             axes, sweep, curve.style, marker_shift, names, label=curve.label
         )
     axes.set_xlabel(style.OWN_TUNING_LABEL)
     axes.set_ylabel(panels.axis_label(sorted_sweeps[0][names[0]], width=45))
-    # The scale of speed is drawn if all curves have the same speed per tuning.
+    # A secondary speed axis is added if the ratio of speed to tuning is the same for all curves.
     speed_ratios = {float(s.speed[-1] / s.tuning[-1]) for s in sorted_sweeps if "speed" in s}
     if len(speed_ratios) == 1 and plot_curves.have_si_units(curves):
         style.add_secondary_axis(
@@ -110,7 +110,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
 
 @style.rc_context()
 def phase_plane(*runs, axes=None, labels=None):
-    """Draw velocities over displacements; a periodic motion is a closed curve.
+    """Plot velocities over displacements; a periodic motion is a closed curve.
 
     Curves of unstable orbits are dashed. Displacements without drive-side contact are shaded.
 
@@ -119,7 +119,7 @@ def phase_plane(*runs, axes=None, labels=None):
     *runs : xarray.Dataset
         Datasets returned by `gearlib.simulate`; each mesh, case or damping has its own curve.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
     labels : sequence of str, optional
         Legend label of each dataset.
 
@@ -133,7 +133,7 @@ def phase_plane(*runs, axes=None, labels=None):
         If a dataset has no time history.
     """
     names = ("displacement", "velocity")
-    # Messages about missing variables name the functions that draw and that compute datasets.
+    # Error messages name the plotting function and the function that computes the datasets.
     sources = {"dim": "phase", "caller": "phase_plane", "source": "simulate"}
     curves = plot_curves.create_curves(runs, labels, names, **sources)
     axes = plot_curves.get_axes(axes)
@@ -144,7 +144,7 @@ def phase_plane(*runs, axes=None, labels=None):
             line = "-" if curve.data.stable else style.DASHED
         options = {"color": curve.style.colour, "linestyle": line}
         axes.plot(displacements, velocities, label=curve.label, **options)
-    # With moving bearings the backlash varies and has no fixed limit in this plane.
+    # With elastic bearings the backlash varies and has no fixed limit in this plane.
     if not any("coast_line" in run for run in runs):
         plot_curves.shade_lost_contact(axes, curves, "x")
     displacement, velocity = curves[0].data.displacement, curves[0].data.velocity
@@ -157,7 +157,7 @@ def phase_plane(*runs, axes=None, labels=None):
 
 @style.rc_context()
 def time_course(*runs, axes=None, labels=None, variable="displacement"):
-    """Draw a variable over the mesh periods, with the changes of contact.
+    """Plot a variable over the mesh periods, with contact changes.
 
     If there is only one curve, intervals of contact loss are shaded. Ticks on the curve of a gear
     pair mark contact events (gain or loss of contact).
@@ -167,11 +167,11 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     *runs : xarray.Dataset
         Datasets returned by `gearlib.simulate`; each mesh, case or damping has its own curve.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
     labels : sequence of str, optional
         Legend label of each dataset.
     variable : str
-        Name of a variable over the phase, such as velocity, dynamic_force, stiffness.
+        Name of a variable over the phase, e.g. velocity, dynamic_force or stiffness.
 
     Returns
     -------
@@ -182,7 +182,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     ValueError
         If a dataset has no such variable over the phase.
     """
-    # Messages about missing variables name the functions that draw and that compute datasets.
+    # Error messages name the plotting function and the function that computes the datasets.
     sources = {"dim": "phase", "caller": "time_course", "source": "simulate"}
     curves = plot_curves.create_curves(runs, labels, (variable,), **sources)
     axes = plot_curves.get_axes(axes)
@@ -212,19 +212,19 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
 
 @style.rc_context()
 def run_up(*runs, axes=None, labels=None, variable=None):
-    """Draw a variable of each revolution of run-ups over the speed, dotted where the speed falls.
+    """Plot a variable of run-ups per revolution over the speed, dotted where the speed decreases.
 
     Parameters
     ----------
     *runs : xarray.Dataset
         Datasets returned by `gearlib.run_up`; each mesh of a train has its own colour.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
     labels : sequence of str, optional
         Legend label of each dataset.
     variable : str, optional
         Name of a variable over ``revolution``: extrema of displacement and dynamic_force,
-        mean_force, bounces, fraction_drive. By default the largest dynamic force without its sign.
+        mean_force, bounces, fraction_drive. By default the largest magnitude of the dynamic force.
 
     Returns
     -------
@@ -236,7 +236,7 @@ def run_up(*runs, axes=None, labels=None, variable=None):
         If a dataset is not a run-up, or has no such variable.
     """
     names = (variable,) if variable else ("dynamic_force_max", "dynamic_force_min")
-    # Messages about missing variables name the functions that draw and that compute datasets.
+    # Error messages name the plotting function and the function that computes the datasets.
     sources = {"dim": "revolution", "caller": "run_up", "source": "run_up"}
     curves = plot_curves.create_curves(runs, labels, (*names, "revolution_speed"), **sources)
     axes = plot_curves.get_axes(axes)
@@ -246,7 +246,7 @@ def run_up(*runs, axes=None, labels=None, variable=None):
     unit_size, unit = style.readable_unit(variables[0].units, *variables)
     for curve, values in zip(curves, variables, strict=True):
         speed = curve.data.revolution_speed.values
-        # The first revolution has no predecessor: `prepend` repeats the change of speed after it.
+        # The first revolution has no predecessor, so `prepend` repeats the speed change after it.
         is_falling = np.diff(speed, prepend=2.0 * speed[0] - speed[1]) < 0.0
         options = {"color": curve.style.colour, "label": curve.label}
         style.draw_solid_and_dotted(axes, speed, values.values / unit_size, is_falling, **options)
@@ -257,18 +257,18 @@ def run_up(*runs, axes=None, labels=None, variable=None):
 
 @style.rc_context()
 def campbell(diagram, *, axes=None, to=None):
-    """Draw the natural frequencies of a train and the mesh frequencies over the speed.
+    """Plot a Campbell diagram, the natural and mesh frequencies of a train over the speed.
 
-    Dots mark intersections where the meshes excite the natural mode, circles the other ones.
+    Dots mark intersections at which the meshes excite the natural mode, circles all others.
 
     Parameters
     ----------
     diagram : xarray.Dataset
         Dataset returned by `GearTrain.campbell`.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
     to : float, optional
-        Upper limit of the speed axis, rpm; by default just beyond the last intersection.
+        Upper limit of the speed axis in rpm; by default just above the last intersection.
 
     Returns
     -------
@@ -277,13 +277,13 @@ def campbell(diagram, *, axes=None, to=None):
     Raises
     ------
     ValueError
-        If the dataset is not a Campbell diagram, or has no line of a mesh frequency.
+        If the dataset is not a Campbell diagram, or has no mesh frequency.
     """
     plot_curves.require_variables(
         "campbell", diagram, ("critical_speed", "excites"), "GearTrain.campbell"
     )
     if not diagram.critical_speed.size:
-        raise ValueError("the diagram has no order of a mesh frequency: it must have one or more")
+        raise ValueError("the diagram has no mesh frequency: it must have at least one")
     axes = plot_curves.get_axes(axes)
     to = 1.02 * float(diagram.critical_speed.max()) if to is None else to
     max_speed = parameters.check("to", to, Speed)
@@ -294,14 +294,14 @@ def campbell(diagram, *, axes=None, to=None):
 
 @style.rc_context()
 def gearbox(box, *, axes=None):
-    """Draw a gearbox from the side: shafts with sections, and gears coloured by stage, to scale.
+    """Draw a side view of a gearbox to scale: shafts with sections, and gears coloured by stage.
 
     Parameters
     ----------
     box : gearlib.gearboxes.gearbox.Gearbox
         Gearbox returned by `gearlib.read_gearbox`.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
 
     Returns
     -------
@@ -323,22 +323,22 @@ def gearbox(box, *, axes=None):
 
 @style.rc_context()
 def schematic(train, *, run=None, phase=None, axes=None):
-    """Draw a train seen along its axes: pitch circles, shafts, carriers and labelled meshes.
+    """Draw a train as seen along its axes: pitch circles, shafts, carriers and labelled meshes.
 
-    Meshes have the colours of their curves in `resonance` and `time_course`.
+    Meshes have the same colours as their curves in `resonance` and `time_course`.
 
     Parameters
     ----------
     train : gearlib.GearTrain
         Gear train to draw.
     run : xarray.Dataset, optional
-        Dataset returned by `gearlib.simulate` or `GearTrain.static` for this train: meshes without
-        contact at `phase` have open markers, meshes in coast-side contact diamonds.
+        Dataset returned by `gearlib.simulate` or `GearTrain.static` for this train. Meshes without
+        contact at `phase` have open markers, and meshes in coast-side contact have diamonds.
     phase : float, optional
-        Mesh phase of the reference mesh, rad, at which the train is drawn; by default the first
-        phase of the run's record, or 0 without a run.
+        Phase of the reference mesh in rad at which the train is drawn; by default the first
+        recorded phase of the run, or 0 without a run.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
 
     Returns
     -------
@@ -347,7 +347,8 @@ def schematic(train, *, run=None, phase=None, axes=None):
     Raises
     ------
     ValueError
-        If `train` is not a gear train, the run has other meshes, or `phase` is outside its record.
+        If `train` is not a gear train, if the run has other meshes, or if `phase` is outside the
+        recorded phases.
     """
     try:
         layout = train.layout()
@@ -356,7 +357,7 @@ def schematic(train, *, run=None, phase=None, axes=None):
         raise ValueError(message) from None
     if run is not None:
         plot_curves.require_variables("schematic", run, ("contact", "status"), "simulate")
-    # The phase gets its default here; `contact` is None without a run.
+    # The call fills in the default phase; `contact` is None without a run.
     phase, contact = train_schematic.select_phase_and_contact(layout, run, phase)
     axes = plot_curves.get_axes(axes)
     train_schematic.draw_schematic(axes, layout, None, phase, contact)
@@ -365,17 +366,17 @@ def schematic(train, *, run=None, phase=None, axes=None):
 
 @style.rc_context()
 def harris_map(errors, *, axes=None):
-    """Draw the static transmission error over two mesh periods, a curve for each torque.
+    """Plot a Harris map, the static transmission error over two mesh periods for each torque.
 
-    The curve of the design torque, if the dataset has one, is thick.
+    The curve at the design torque, if the dataset has one, is thick.
 
     Parameters
     ----------
     errors : xarray.Dataset
         Dataset returned by `gearlib.geometry.GearStage.transmission_error`, over torque and phase;
-        each curve is labelled by its torque in N m.
+        each curve is labelled with its torque in N m.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
 
     Returns
     -------
@@ -392,7 +393,7 @@ def harris_map(errors, *, axes=None):
     if errors.transmission_error.ndim != 2:
         raise ValueError(
             f"transmission_error over {errors.transmission_error.dims} is not allowed: it must be "
-            "over torque and phase; select one value of each other dimension by `sel`"
+            "over torque and phase; use `sel` to select one value of each other dimension"
         )
     axes = plot_curves.get_axes(axes)
     design = float(errors.get("design_torque", math.nan))
@@ -405,17 +406,17 @@ def harris_map(errors, *, axes=None):
 
 @style.rc_context()
 def values(data, *names, axes=None):
-    """Draw variables with a common unit over their last dimension, with a marker for each value.
+    """Plot variables with a common unit over their last dimension, with a marker for each value.
 
     Parameters
     ----------
     data : xarray.Dataset
-        Dataset such as the results of `GearTrain.modes` and `GearTrain.static`; each entry of the
-        other dimensions has its own style of markers.
+        Dataset, e.g. a result of `GearTrain.modes` or `GearTrain.static`; each entry of the other
+        dimensions has its own marker style.
     *names : str
         Names of variables with equal units and dimensions.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
 
     Returns
     -------
@@ -426,7 +427,7 @@ def values(data, *names, axes=None):
     ValueError
         If no name is given, or the dataset has no such variable over a dimension.
     """
-    # Without names, `require` looks for a variable "names", so that it says "names is missing".
+    # Without names, a variable "names" is required, so that the message is "names is missing".
     plot_curves.require_variables("values", data, names or ("names",), "GearTrain.modes and others")
     for name in names:
         if not data[name].ndim:
@@ -448,7 +449,7 @@ def values(data, *names, axes=None):
     for label, curve_style in style.curve_styles(curves).items():
         axes.plot(curves[label], curve_style.marker, color=curve_style.colour, ms=4, label=label)
     tick_labels = [str(value) for value in data[last_dim].values]
-    # There are at most 12 labels.
+    # At most 12 ticks are labelled.
     label_slice = slice(None, None, math.ceil(len(tick_labels) / 12))
     options = {"rotation": 30, "ha": "right"} if max(map(len, tick_labels)) > 5 else {}
     axes.set_xticks(range(len(tick_labels))[label_slice], tick_labels[label_slice], **options)
@@ -463,20 +464,20 @@ def values(data, *names, axes=None):
 
 @style.rc_context()
 def orbit(*orbits, axes=None, labels=None):
-    """Draw periodic orbits in the phase plane, or branches of orbits over their parameter.
+    """Plot periodic orbits in the phase plane, or branches of orbits over their parameter.
 
-    A branch is a family of orbits that changes continuously with a parameter such as the tuning
-    (mesh frequency over natural frequency).
+    A branch is a family of orbits that varies continuously with a parameter, e.g. the tuning (mesh
+    frequency / natural frequency).
 
     Parameters
     ----------
     *orbits : Orbit or xarray.Dataset
         Either orbits returned by `gearlib.periodic_orbit`, or branches returned by
-        `gearlib.continue_orbit`, which are drawn by their largest and smallest displacement, with
-        markers at special points such as folds and period doublings. Lines are solid where orbits
-        are stable, dashed where they are unstable.
+        `gearlib.continue_orbit`. Branches are shown by their largest and smallest displacement,
+        with markers at special points such as folds and period doublings. Lines are solid where
+        orbits are stable and dashed where they are unstable.
     axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default the axes of a new figure.
+        Axes to plot on; by default a new figure is created.
     labels : sequence of str, optional
         Legend label of each orbit or branch; by default stability and period of each orbit.
 
@@ -495,16 +496,16 @@ def orbit(*orbits, axes=None, labels=None):
             for orbit in orbits
         ]
         labels = periods if labels is None else labels
-        return phase_plane(*map(_time_course_of, orbits), axes=axes, labels=labels)
+        return phase_plane(*map(_simulate_orbit, orbits), axes=axes, labels=labels)
     names = ("displacement_max", "stable", "label")
-    # Messages about missing variables name the functions that draw and that compute datasets.
+    # Error messages name the plotting function and the function that computes the datasets.
     sources = {"dim": "point", "caller": "orbit", "source": "continue_orbit"}
     curves = plot_curves.create_curves(orbits, labels, names, **sources)
     axes = plot_curves.get_axes(axes)
     parameter = orbits[0].attrs.get("parameter", "tuning")
     for curve in curves:
-        # `draw_curve` needs the variables "tuning" and "branch". The parameter of a branch may have
-        # another name, and a single branch has no numbers of branches.
+        # `draw_curve` requires the variables "tuning" and "branch". The parameter of a branch may
+        # have another name, and a single branch has no variable "branch".
         points = curve.data.rename({parameter: "tuning"} if parameter != "tuning" else {})
         if "branch" not in points:
             points = points.assign(branch=xr.zeros_like(points.label))
@@ -519,14 +520,14 @@ def orbit(*orbits, axes=None, labels=None):
     return axes
 
 
-def _time_course_of(orbit: Orbit):
-    """Return a simulation of a periodic orbit over one of its periods, for the phase plane.
+def _simulate_orbit(orbit: Orbit):
+    """Simulate a periodic orbit over one period, for the phase plane.
 
-    The run starts on the orbit. Its variable `stable`, the stability of the orbit, is added,
-    because it decides between solid and dashed lines.
+    Return the dataset of `simulate`, with the additional variable `stable`, which selects solid or
+    dashed lines.
     """
     options = {"initial_state": tuple(orbit.state), "periods": orbit.period}
     run = simulate(orbit.model, orbit.tuning, record_periods=orbit.period, **options)
-    # The period is set, because rounding errors grow along an unstable orbit, so that the run may
-    # not detect it.
+    # The period is set explicitly, because the run may not detect it: rounding errors grow along an
+    # unstable orbit.
     return run.assign(period=orbit.period, stable=bool(orbit.stable))

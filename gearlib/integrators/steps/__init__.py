@@ -1,1 +1,1 @@
-"""Kernels of the methods with steps, and the equations of motion that they solve."""
+"""Kernels of the step-by-step methods, and the equations of motion that they solve."""

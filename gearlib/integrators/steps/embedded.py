@@ -1,4 +1,4 @@
-"""The Dormand-Prince pair of order 4(5) under step control, without event location.
+"""The Dormand-Prince pair of order 4(5) with step control, without event location.
 
 Coefficients, first step, error norm and step control follow MATLAB's ode45 (Shampine and Reichelt:
 The MATLAB ODE suite, SIAM J. Sci. Comput. 18 (1997) 1-22).
@@ -29,7 +29,7 @@ _STAGE_WEIGHTS = np.array(
 _ERROR_WEIGHTS = np.array(
     [71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40]
 )
-#: Weights of the dense output: a row for each stage, columns for the powers 1 to 4 of the
+#: Weights of the dense output, with a row for each stage and columns for the powers 1 to 4 of the
 #: fraction of the step.
 DENSE_WEIGHTS = np.array(
     [
@@ -86,13 +86,13 @@ def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
 
 @inlined_kernel
 def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
-    """Return the relative error of a step of length h, which the step control compares with rtol.
+    """Return the relative error of a step of length h, to be compared with rtol.
 
-    The step leads from (x, v) to (new_x, new_v). `stages`, shape (7, 2), holds the derivatives (x',
-    x'') at the stages, and `control` is the `StepControl` with the tolerances. The error is the
-    difference between the results of order 5 and 4.
+    The step leads from (x, v) to (new_x, new_v). `stages`, shape (7, 2), contains the derivatives
+    (x', x'') at the stages, and `control` is the `StepControl`. The error is the difference between
+    the results of order 5 and 4.
     """
-    # Below this magnitude of a component the absolute tolerance is decisive.
+    # For components below this threshold the absolute tolerance applies.
     threshold = control.atol / control.rtol
     x_error, v_error = 0.0, 0.0
     for j in range(7):
@@ -105,10 +105,10 @@ def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
 
 @inlined_kernel
 def _first_step(control: StepControl, end: float, x: float, v: float, a: float) -> float:
-    """Return the length that MATLAB's ode45 chooses for the first step.
+    """Return the length of the first step, chosen as in MATLAB's ode45.
 
-    The run starts at phase 0 from displacement x and velocity v, with acceleration a, and ends at
-    the phase `end`. The faster the state changes relative to its size, the shorter is the step.
+    The run starts at phase 0 with displacement x, velocity v and acceleration a, and ends at the
+    phase `end`. The step is the shorter, the faster the state changes relative to its magnitude.
     """
     threshold, rtol = control.atol / control.rtol, control.rtol
     inverse_step = max(abs(v) / max(abs(x), threshold), abs(a) / max(abs(v), threshold))
@@ -119,13 +119,14 @@ def _first_step(control: StepControl, end: float, x: float, v: float, a: float) 
 
 @kernel
 def take_embedded_steps(equation, record_start, end, max_attempts, progress, times, states, stages):
-    """Take up to k steps, until the phase `end`; return (steps in the tables, status, evaluations).
+    """Take up to k steps, up to the phase `end`; return (stored steps, status, evaluations).
 
-    The first entries of `times`, (k + 1,), and `states`, (k + 1, 2), are initial values; the steps
-    fill the other entries and the derivatives (x', x'') at the stages, `stages`, (k, 7, 2). Steps
-    that end before `record_start` are overwritten. `equation` is (`NonlinearMesh`, `ContactLaw`,
-    `StepControl`). `progress`, (3,), holds the length of the next step (0 at the start), the
-    present mesh period, and the number of steps attempted in it, at most `max_attempts`.
+    The first entries of `times`, (k + 1,), and `states`, (k + 1, 2), are initial values. The other
+    entries and the derivatives (x', x'') at the stages, `stages`, (k, 7, 2), are filled. Steps that
+    end before `record_start` are overwritten. `equation` is (`NonlinearMesh`, `ContactLaw`,
+    `StepControl`). `progress`, (3,), contains the length of the next step (0 at the start), the
+    index of the current mesh period, and the number of steps attempted in it, which must not exceed
+    `max_attempts`.
     """
     mesh, contact_law, control = equation
     # Each attribute access changes reference counts, so the loop uses local names.
@@ -143,7 +144,7 @@ def take_embedded_steps(equation, record_start, end, max_attempts, progress, tim
         rates[0, 0], rates[0, 1] = v, a
         min_step = 16.0 * np.spacing(t)
         h = min(control.max_step, max(min_step, h))
-        # The last step is stretched by up to a tenth, so that no tiny step follows it.
+        # The last step may be stretched by a tenth, to avoid a tiny final step.
         is_last = 1.1 * h >= end - t
         h = end - t if is_last else h
         has_failed = False

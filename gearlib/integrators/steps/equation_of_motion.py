@@ -1,11 +1,12 @@
-"""Equations of motion at one phase and state, for methods with steps.
+"""Equations of motion at a given phase and state, for step-by-step methods.
 
-The equation of one degree of freedom is, in static deflections and mesh phase,
+With one degree of freedom, displacements in units of the static deflection, and the mesh phase tau,
+the equation is
 
     x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) g(x),
 
-with contact for x >= drive_x and x <= coast_x. In the smoothed law, spring force and damping are
-multiplied by H1 = (1 + tanh(sharpness (x - drive_x))) / 2 on the drive side and by
+with contact for x >= drive_x or x <= coast_x. In the smoothed contact law, spring force and damping
+are multiplied by H1 = (1 + tanh(sharpness (x - drive_x))) / 2 on the drive side and by
 H2 = (1 - tanh(sharpness (x - coast_x))) / 2 on the coast side.
 """
 
@@ -19,13 +20,13 @@ from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.linear.train_system import TrainSystem, dot, is_past_coast_line, set_harmonics
 from gearlib.engines.taylor.series import NonlinearMesh
 
-#: A phase as close as this to a switch of stiffness counts as the switch. The tolerance is far
-#: above the rounding of a phase and far below any step.
+#: A phase that is this close to a stiffness switch is treated as the switch. The tolerance is far
+#: above the rounding error of a phase and far below any step.
 SAME_PHASE_TOLERANCE = 1e-12
 
 
 class ContactLaw(NamedTuple):
-    """Contact law in plain floats, which kernels can pass on without cost."""
+    """Contact law with plain floats, which kernels can pass at no cost."""
 
     drive_damping: tuple  #: d1, d2, d3 in drive-side contact
     backlash_damping: tuple  #: d1, d2, d3 in free flight
@@ -39,16 +40,13 @@ class ContactLaw(NamedTuple):
 
 
 def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLaw:
-    """Return the contact law of a nonlinear mesh, smoothed if `sharpness` is positive.
-
-    A `ContactLaw` holds damping and stiffness coefficients in plain floats.
-    """
+    """Create the `ContactLaw` of a nonlinear mesh, smoothed if `sharpness` is positive."""
     arrays = mesh.drive_damping, mesh.backlash_damping, mesh.coast_damping, mesh.stiffness_powers
     drive, free, coast, stiffness = (tuple(coefficients.tolist()) for coefficients in arrays)
     is_linear = not any((*drive[1:], *free[1:], *coast[1:], *stiffness))
-    # The acceleration of a simple law takes half as long to compute.
+    # With a simple law, the acceleration takes half as long to compute.
     is_simple = sharpness == 0.0 and is_linear and drive == coast and mesh.ground_stiffness == 0.0
-    # These are the fields drive_x, coast_x, ground_stiffness and sharpness of the law.
+    # These are the fields drive_x, coast_x, ground_stiffness and sharpness of a `ContactLaw`.
     constants = mesh.drive_line, mesh.coast_line, mesh.ground_stiffness, sharpness
     return ContactLaw(drive, free, coast, stiffness, *map(float, constants), is_simple)
 
@@ -78,8 +76,8 @@ def _force_over_stiffness(contact_law: ContactLaw, deflection: float) -> float:
 def contact_terms(contact_law: ContactLaw, contact_state: int) -> tuple:
     """Return (1.0 in contact, else 0.0; displacement at first contact; damping coefficients).
 
-    The coefficients d1, d2, d3 multiply v, |v| v and v^3. Without contact the displacement of the
-    drive flank is returned, which has no effect.
+    The coefficients d1, d2, d3 multiply v, |v| v and v^3. Without contact, the displacement at
+    first contact of the drive flank is returned, which has no effect.
     """
     if contact_state == DRIVE:
         return 1.0, contact_law.drive_x, contact_law.drive_damping
@@ -104,8 +102,8 @@ def contact_forces(contact_law: ContactLaw, contact_state: int, x: float, v: flo
 def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
     """Return (elastic force over stiffness g, contact factor H1 + H2) of the smoothed contact law.
 
-    H1 and H2 change smoothly from 0 to 1 where the displacement x comes into contact on the drive
-    side and on the coast side. They replace the switches of an exact contact law.
+    H1 and H2 change smoothly from 0 to 1 where the displacement x reaches contact on the drive side
+    and on the coast side. They replace the step functions of the exact contact law.
     """
     sharpness, drive_x = contact_law.sharpness, contact_law.drive_x
     coast_x, h2 = contact_law.coast_x, 0.0
@@ -121,7 +119,7 @@ def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
 def force_and_acceleration(contact_law, contact_state, stiffness, external_force, x, v) -> tuple:
     """Return (elastic mesh force over stiffness g, acceleration x'') at displacement x, velocity v.
 
-    `stiffness` and `external_force` are values at the present phase. A smoothed contact law ignores
+    `stiffness` and `external_force` are values at the current phase. A smoothed contact law ignores
     the contact state (1 drive flank, 0 none, -1 coast flank); only gear pairs have such a law, with
     equal damping of both flanks and without ground stiffness.
     """
@@ -139,18 +137,18 @@ def force_and_acceleration(contact_law, contact_state, stiffness, external_force
 def acceleration(contact_law, stiffness, external_force, x: float, v: float) -> float:
     """Return the acceleration x'' at displacement x, which determines the contact, and velocity v.
 
-    `stiffness` and `external_force` are values at the present phase. `contact_law` (`ContactLaw`)
-    has the flank positions and the coefficients of damping and stiffness.
+    `stiffness` and `external_force` are values at the current phase. `contact_law` is a
+    `ContactLaw`.
     """
     if contact_law.is_simple:
-        # The general branch would take twice as long, which would distort timings of methods.
+        # The general case would take twice as long, which would distort benchmarks of methods.
         damping = contact_law.drive_damping[0]
         if x >= contact_law.drive_x:
             return external_force - damping * v - stiffness * (x - contact_law.drive_x)
         if x <= contact_law.coast_x:
             return external_force - damping * v - stiffness * (x - contact_law.coast_x)
         return external_force - contact_law.backlash_damping[0] * v
-    # The second of the two results is the acceleration.
+    # The second result is the acceleration.
     contact_state = contact_state_at(contact_law, x)
     return force_and_acceleration(contact_law, contact_state, stiffness, external_force, x, v)[1]
 
@@ -182,7 +180,7 @@ def stiffness_at(segment_bounds, stiffness_segments, harmonics, phase, phase_shi
     coefficient).
     """
     shifted_phase = phase + phase_shift
-    # Phases before 0 and beyond 2 pi belong to the neighbouring mesh periods, which are equal.
+    # Phases below 0 or above 2 pi belong to the neighbouring mesh periods, which are identical.
     if shifted_phase < 0.0:
         shifted_phase += 2.0 * math.pi
     elif shifted_phase >= 2.0 * math.pi:
@@ -216,10 +214,10 @@ def acceleration_at(
 
 @kernel
 def mesh_acceleration(contact_law, mesh: NonlinearMesh, t: float, x: float, v: float) -> float:
-    """Return the acceleration x'' of one mesh at the mesh phase t, displacement x and velocity v.
+    """Return the acceleration x'' of a single mesh at mesh phase t, displacement x and velocity v.
 
-    The displacement determines the contact and so the stiffness of the drive or the coast flank. A
-    smoothed contact law (sharpness > 0) has one stiffness for both.
+    The displacement determines the contact and thereby the stiffness (drive or coast flank). A
+    smoothed contact law (sharpness > 0) uses the same stiffness for both flanks.
     """
     if contact_law.sharpness == 0.0 and x <= contact_law.coast_x:
         stiffness_segments, harmonics = (
@@ -304,13 +302,13 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
             contact_state = COAST
         # `force_index` holds the force case of a mesh: no contact, or contact at some stiffness.
         force_case = system.force_index[contact_state + 1, segment, mesh]
-        # A mesh has two forces: elastic with damping, and friction. Both are linear in the state.
+        # A mesh has two forces, the elastic and damping force and friction, linear in the state.
         for k in range(2):
             force = dot(system.force_output[mesh, force_case, k], full_state)
             for i in range(size):
                 derivative[i] += system.force_input[mesh, force_case, k, i] * force
     for i in range(size):
-        # The system has derivatives by theta; the tuning is dtau/dtheta.
+        # Derivatives by theta are converted to derivatives by tau; the tuning is dtau/dtheta.
         derivative[i] /= system.tuning
     return derivative
 
@@ -339,10 +337,11 @@ def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndar
 
 @kernel
 def set_harmonics_of_states(frequencies: np.ndarray, states: np.ndarray, phases: np.ndarray):
-    """Set the constant 1 and the harmonics in full states, after their coordinates and velocities.
+    """Set the constant 1 and the harmonics in full states.
 
-    `states`, shape (k, n), are at the mesh `phases`, shape (k,). `frequencies`, shape (h,), of the
-    harmonics are relative to the mesh frequency.
+    They follow the coordinates and velocities in each state.
+    The full `states`, shape (k, n), belong to the mesh `phases`, shape (k,). `frequencies`, shape
+    (h,), are the frequencies of the harmonics, relative to the mesh frequency.
     """
     for i in range(phases.shape[0]):
         set_harmonics(frequencies, states[i], phases[i])

@@ -1,9 +1,9 @@
-"""Fixed steps across switches and contact: classical Runge-Kutta, generalised-alpha, Newmark.
+"""Fixed-step methods without events: classical Runge-Kutta, generalised-alpha and Newmark.
 
 All mesh periods have the same steps, so stiffness and force at their nodes are tabulated once. If a
-switch of stiffness falls on a step end, the step before it uses the stiffness before the switch and
-the step after it the stiffness after the switch, so that the methods keep their order there. Steps
-do not end at other switches, and not at changes of contact.
+stiffness switch coincides with a step end, the step before it uses the stiffness before the switch
+and the step after it the stiffness after the switch, so that the methods keep their order. Steps do
+not end at other switches or at contact changes.
 """
 
 import math
@@ -28,17 +28,17 @@ from gearlib.integrators.steps.equation_of_motion import (
     train_derivative,
 )
 
-#: Largest number of iterations of the contact force in a step. A linear contact needs 2 or 3.
+#: Largest number of iterations of the contact force in a step; linear contact needs 2 or 3.
 MAX_ITERATIONS = 50
-#: A residual below this fraction of the magnitude of its terms is due to rounding.
+#: A residual below this fraction of the magnitude of its terms is attributed to rounding.
 _RESIDUAL_TOLERANCE = 1e-14
 
 
 class Scheme(NamedTuple):
     """A fixed-step method and its constants."""
 
-    runge_kutta: bool  #: classical Runge-Kutta, else generalised-alpha with the constants below
-    iterated: bool = False  #: whether contact is iterated; else it is frozen at the step start
+    runge_kutta: bool  #: classical Runge-Kutta if true, else generalised-alpha with these constants
+    iterated: bool = False  #: whether contact is iterated or else frozen at the start of the step
     alpha_m: float = 0.0
     alpha_f: float = 0.0
     beta: float = 0.0
@@ -57,13 +57,13 @@ def tabulate_excitation(mesh: NonlinearMesh, steps: int, middle_fraction: float)
     for k in range(steps):
         for column, fraction in enumerate((0.0, middle_fraction, 1.0)):
             phase = 2.0 * math.pi * ((k + fraction) / steps)
-            # At a jump of the stiffness, a step that ends there takes the value before it.
+            # A step that ends at a stiffness jump uses the value before the jump.
             shift = -SAME_PHASE_TOLERANCE if fraction == 1.0 else SAME_PHASE_TOLERANCE
             stiffness[k, column] = stiffness_at(
                 mesh.segment_bounds, mesh.stiffness_segments, mesh.stiffness_harmonics, phase, shift
             )
             force[k, column] = harmonic_sum(mesh.force_harmonics, phase)
-    # The stiffness is periodic, so the first step follows the last one.
+    # The stiffness is periodic, so the last step precedes the first step.
     has_jump = np.abs(stiffness[:, 0] - np.roll(stiffness[:, 2], 1)) > 1e-9 * stiffness[:, 0]
     return stiffness, force, has_jump
 
@@ -72,8 +72,8 @@ def tabulate_excitation(mesh: NonlinearMesh, steps: int, middle_fraction: float)
 def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
     """Return (x, v) after a step of length h of the classical Runge-Kutta method.
 
-    `contact_law` has the flank positions and coefficients of damping and stiffness. `stiffness` and
-    external `force` each hold the values at the start, the middle and the end of the step.
+    `contact_law` is a `ContactLaw`. `stiffness` and external `force` contain the values at the
+    start, the midpoint and the end of the step.
     """
     half_step = 0.5 * h
     a1 = acceleration(contact_law, stiffness[0], force[0], x, v)
@@ -91,16 +91,16 @@ def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
 def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> float:
     """Return the acceleration at the end of a generalised-alpha step with frozen contact.
 
-    `start`, (x, v, a), is the state at the start of the step of length h; it determines the
-    contact, the secant stiffness and the secant damping (force over displacement or velocity), so
-    that the equation is linear. The method demands the equation of motion at a middle state in the
-    step; `middle` is its (x, v) for zero acceleration at the end. Mesh `stiffness` and external
-    `force` are values there. `scheme` has the constants of the method.
+    `start`, (x, v, a), is the state at the start of the step of length h. It determines the
+    contact, the secant stiffness and the secant damping (force / displacement or velocity), which
+    makes the equation linear. The equation of motion is satisfied at an intermediate state;
+    `middle`, (x, v), is this state for zero acceleration at the end. Mesh `stiffness` and external
+    `force` are values at the intermediate state. `scheme` contains the constants of the method.
     """
     start_x, start_v, start_a = start
     middle_x, middle_v = middle
     alpha_m, alpha_f = scheme.alpha_m, scheme.alpha_f
-    # Derivatives of the middle state with respect to the acceleration at the end.
+    # Derivatives of the intermediate state with respect to the acceleration at the end.
     dx_da, dv_da = (1.0 - alpha_f) * scheme.beta * h * h, (1.0 - alpha_f) * scheme.gamma * h
     p2, p3 = contact_law.nonlinear_stiffness
     is_touching, contact_x, (d1, d2, d3) = contact_terms(
@@ -116,17 +116,17 @@ def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle
 
 @inlined_kernel
 def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> tuple:
-    """Return (acceleration at the end of a step, iterations, convergence) by Newton's method.
+    """Return (acceleration at the end of a step, iterations, converged) by Newton's method.
 
-    `scheme` is generalised-alpha, which demands the equation of motion at a middle state in the
-    step of length h. `start`, (x, v, a), is the state at its start, and `middle` is (x, v) of the
-    middle state for zero acceleration at the end. Mesh `stiffness` and external `force` are values
-    there.
+    The generalised-alpha `scheme` satisfies the equation of motion at an intermediate state of the
+    step of length h. `start`, (x, v, a), is the state at the start of the step, and `middle`, (x,
+    v), is the intermediate state for zero acceleration at the end. Mesh `stiffness` and external
+    `force` are values at the intermediate state.
     """
     start_x, start_v, start_a = start
     middle_x, middle_v = middle
     alpha_m, alpha_f = scheme.alpha_m, scheme.alpha_f
-    # Derivatives of the middle state with respect to the acceleration at the end.
+    # Derivatives of the intermediate state with respect to the acceleration at the end.
     dx_da, dv_da = (1.0 - alpha_f) * scheme.beta * h * h, (1.0 - alpha_f) * scheme.gamma * h
     p2, p3 = contact_law.nonlinear_stiffness
     a, iterations = start_a, 0
@@ -145,11 +145,11 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
         term_magnitude += tangent_stiffness * (
             abs(x) + deflection + abs(start_x) + h * abs(start_v)
         )
-        # The rest of the residual is rounding.
+        # The remaining residual is due to rounding.
         if abs(residual) <= _RESIDUAL_TOLERANCE * term_magnitude:
             return a, iterations, True
         a -= residual / (1.0 - alpha_m + tangent_damping * dv_da + tangent_stiffness * dx_da)
-    # If the damping jumps with contact, the residual may jump over zero. Then the flanks just
+    # If the damping jumps at contact, the residual may jump across zero. Then the flanks just
     # touch, and the damping force lies between its values in contact and in free flight.
     for contact_x in (contact_law.drive_x, contact_law.coast_x):
         if abs(contact_x) < math.inf:
@@ -168,13 +168,13 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
 def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start_a) -> tuple:
     """Return (x, v, a, evaluations, converged) after a step of the generalised-alpha method.
 
-    The step of length h leads from (start_x, start_v, start_a). Mesh `stiffness` and external
+    The step of length h starts from (start_x, start_v, start_a). Mesh `stiffness` and external
     `force` are values at the fraction 1 - alpha_f of the step. The accelerations are variables of
-    the method; they do not obey the equation of motion at step ends. `scheme` has the method's
-    constants.
+    the method and do not satisfy the equation of motion at step ends. `scheme` contains the
+    constants of the method.
     """
     fraction = 1.0 - scheme.alpha_f
-    # The middle state is linear in a; this is the state for a = 0.
+    # The intermediate state is linear in a; this is the state for a = 0.
     middle_v = start_v + fraction * h * (1.0 - scheme.gamma) * start_a
     middle_x = start_x + fraction * h * (start_v + h * (0.5 - scheme.beta) * start_a)
     start, middle = (start_x, start_v, start_a), (middle_x, middle_v)
@@ -185,7 +185,7 @@ def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start
         )
     else:
         a = _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle)
-    # Newmark's formulas with the acceleration a at the end.
+    # Newmark's formulas for the state at the end of the step.
     x = start_x + h * (start_v + h * ((0.5 - scheme.beta) * start_a + scheme.beta * a))
     v = start_v + h * ((1.0 - scheme.gamma) * start_a + scheme.gamma * a)
     return x, v, a, evaluations, converged
@@ -196,9 +196,9 @@ def take_steps(contact_law, scheme: Scheme, excitation: tuple, a: float, states)
     """Take k steps from the start of a mesh period; return (status, evaluations, acceleration).
 
     The first row of `states`, shape (k + 1, 2), is the initial state; the other rows are filled.
-    `excitation` comes from `tabulate_excitation`: (stiffness, external force, jump mask) of each
-    step of a period. a is the acceleration of generalised-alpha at the initial state, or NaN if it
-    follows from the equation of motion; the acceleration at the last state is returned.
+    `excitation` is the result of `tabulate_excitation`. a is the acceleration of generalised-alpha
+    at the initial state, or NaN if it follows from the equation of motion. The acceleration at the
+    final state is returned.
     """
     stiffness, force, has_jump = excitation
     steps = stiffness.shape[0]
@@ -232,8 +232,8 @@ def take_steps(contact_law, scheme: Scheme, excitation: tuple, a: float, states)
 def take_train_steps(system, may_jam, period, steps, states, max_component) -> tuple:
     """Take k Runge-Kutta steps of a gear train; return (status, evaluations).
 
-    The first row of `states`, shape (k + 1, size), is the state at the start of mesh period
-    `period`; the other rows are filled. A mesh period has `steps` steps. The run ends early if a
+    The first row of `states`, shape (k + 1, size), is the state at the start of mesh period number
+    `period`; the other rows are filled. A mesh period has `steps` steps. The run stops if a
     component exceeds `max_component`, or if both flanks touch in a mesh of the mask `may_jam`.
     """
     h = 2.0 * math.pi / steps
