@@ -123,7 +123,7 @@ def test_load_sharing_and_orders_determine_a_stiffness_and_a_pin_error():
         assert abs(parameter.value - truth.value(name)) < 5.0 * parameter.stderr, name
         low, high = parameter.interval
         assert low <= truth.value(name) <= high, name
-    # The errors must be small compared with the pin error of 10 um and the stiffness of 7e8 N/m.
+    # The errors must be small compared with the pin error of 10 um and the stiffness of 6.6e8 N/m.
     assert fit.params[PIN_OFFSET].stderr < 2e-6 and fit.params[SUN_MESH_STIFFNESS].stderr < 2e7
 
 
