@@ -113,13 +113,13 @@ def stays_clear_of_lines(tables, combination, j, constants, run, count):
     distance is bounded instead, and the result holds for one step. `constants` (`RunConstants`) has
     the flags of the meshes.
     """
-    amplitude, code = 0.0, run.contact[j]
+    amplitude, contact = 0.0, run.contact[j]
     for line in (1, -1):
-        if not _can_reach(constants, j, code, line):
+        if not _can_reach(constants, j, contact, line):
             continue
         side = (line + 1) // 2
         if combination == SERIES:
-            sign, degree = _distance_sign(code, line), run.to_bernstein.shape[0] - 1
+            sign, degree = _distance_sign(contact, line), run.to_bernstein.shape[0] - 1
             if series_may_reach_zero(run.distance_series[side, j], sign, degree):
                 return False
             continue
@@ -127,11 +127,11 @@ def stays_clear_of_lines(tables, combination, j, constants, run, count):
             return False
         # If the gap is constant, both distances have the same amplitude. It is already computed
         # unless coast-side contact has made the loop skip the drive side.
-        if line == 1 or code == COAST or not constants.constant_gap[j]:
+        if line == 1 or contact == COAST or not constants.constant_gap[j]:
             factors = tables.mode_amplitude_factors[combination, side, j]
             amplitude = _partial_dot(factors, run.amplitudes, count)
         center = tables.constant_distance[combination, side, j]
-        if not _distance_sign(code, line) * center > amplitude + _ROUNDING * abs(center):
+        if not _distance_sign(contact, line) * center > amplitude + _ROUNDING * abs(center):
             return False
     return True
 
@@ -224,7 +224,7 @@ def find_first_events(tables, combination, constants, run, end):
     one. `combination` is the row of `tables` (`ModeTables`) for the present contacts, or SERIES.
     The arrays event_instant, contact_after and instant_rounding of `run` (`RunState`) are
     filled. Its array zero_order is k > 0 if a mesh starts on the flank line `start_line` and the
-    distance has a zero of order k there; stays_clear says whether a mesh provably reaches no flank
+    distance has a zero of order k there; stays_clear tells whether a mesh provably reaches no flank
     line.
     """
     earliest, polynomial, b = _NO_EVENT, run.polynomial, run.search[0]
