@@ -33,7 +33,7 @@ def coordinates(train):
 def numbers(train, frequency, state, periods):
     """Return what the yardstick reads; `state` as of `GearTrain.start_state`."""
     s, (to, of), meshes = train.structure, coordinates(train), train.meshes
-    lines = s.lines @ of
+    lines = s.mesh_jacobian @ of
     film = np.array([mesh.backlash_damping for mesh in meshes])
     upper = np.array([mesh.max_stiffness for mesh in meshes])
     q, v = np.reshape(state, (2, -1)) * float(train.static_deflection)

@@ -1,4 +1,4 @@
-"""Writing and reading of gear trains, in YAML as in a configuration, or in netCDF."""
+"""Write and read gear trains as YAML files, as in a configuration, or as netCDF files."""
 
 import dataclasses
 from pathlib import Path
@@ -13,15 +13,15 @@ _SUFFIXES = (".yaml", ".yml", ".nc")
 
 
 def write_train(train: Any, path: Any) -> None:
-    """Write a gear train to a file, which `read_train` reads, also after changes by hand.
+    """Write a gear train to a file that can be edited and read by `read_train`.
 
     Parameters
     ----------
     train : gearlib.GearTrain
         The train.
     path : str or path-like
-        A YAML file, which gets the section ``train`` of a configuration, or a netCDF file, which
-        gets the layout of the train as well. An existing file is replaced.
+        A YAML file, which will contain the section ``train`` of a configuration, or a netCDF file,
+        which will also contain the layout of the train. An existing file is replaced.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def write_train(train: Any, path: Any) -> None:
 
     suffix = checks.check_choice("suffix", Path(path).suffix, _SUFFIXES)
     if train.matrices is not None:
-        problem = "of given matrices cannot be written: only trains of bodies can"
+        problem = "with given matrices cannot be written: it must consist of bodies"
         raise checks.InputError("train", problem=problem)
     if suffix == ".nc":
         storage.write(
@@ -41,7 +41,7 @@ def write_train(train: Any, path: Any) -> None:
         return
     arguments: dict = {}
     for name in ("bodies", "shafts", "meshes", "forces"):
-        arguments[name] = [_custom_fields(element) for element in getattr(train, name)]
+        arguments[name] = [_nondefault_fields(element) for element in getattr(train, name)]
     for name in ("carrier_ratio", "gyroscopic"):
         arguments[name] = getattr(train, name)
     if train.modal_damping:
@@ -54,39 +54,41 @@ def write_train(train: Any, path: Any) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def _custom_fields(element: Any) -> dict:
-    """Return a dict of the fields of a body, shaft, mesh or force that differ from their defaults.
+def _nondefault_fields(element: Any) -> dict:
+    """Return the fields of a body, shaft, mesh or force that differ from their defaults, as a dict.
 
-    Values are plain: dicts, lists, numbers and strings. A name with a hyphen, such as "sun-planet",
-    is left out, because it is made from the names of the bodies. The deviation of the coast-side
-    flanks is left out if it equals that of the drive-side flanks.
+    The values are dicts, lists, numbers and strings. A name with a hyphen, e.g. "sun-planet", is
+    omitted, because it is derived from the names of the bodies. The deviation of the coast-side
+    flanks is omitted if it equals the deviation of the drive-side flanks.
     """
     values = {}
     for field in dataclasses.fields(element):
         value = getattr(element, field.name)
         is_derived_name = field.name == "name" and "-" in str(value)
         if value != field.default and not is_derived_name:
-            values[field.name] = _plain(value)
+            values[field.name] = _to_yaml_value(value)
     if values.get("coast_deviation") == values.get("deviation"):
         values.pop("coast_deviation", None)
     return values
 
 
-def _plain(value: Any) -> Any:
-    """Return a value in types of YAML: a dataclass such as `Harmonics` as dict, a tuple as list."""
+def _to_yaml_value(value: Any) -> Any:
+    """Convert a value for YAML: a dataclass such as `Harmonics` to a dict, a tuple to a list."""
     if dataclasses.is_dataclass(value):
         return {name: list(entry) for name, entry in dataclasses.asdict(value).items()}
-    return [_plain(entry) for entry in value] if isinstance(value, tuple) else value
+    if isinstance(value, tuple):
+        return [_to_yaml_value(entry) for entry in value]
+    return value
 
 
 def read_train(path: Any) -> Any:
-    """Read a gear train from a file in the form that `gearlib.write_train` writes.
+    """Read a gear train from a file in the format of `gearlib.write_train`.
 
     Parameters
     ----------
     path : str or path-like
-        A YAML file with the section ``train`` of a configuration, of a kind that needs no
-        ``gear_pair``, or a netCDF file of a result with a train.
+        A YAML file with the section ``train`` of a configuration, whose kind must not need a
+        ``gear_pair``, or a netCDF file with a result of a train.
 
     Returns
     -------
@@ -98,7 +100,7 @@ def read_train(path: Any) -> Any:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the file has no train or a wrong value; the message names the key.
+        If the file contains no train or a wrong value; the message names the key.
     """
     from pydantic import ValidationError
 
@@ -109,9 +111,9 @@ def read_train(path: Any) -> Any:
     if checks.check_choice("suffix", Path(path).suffix, _SUFFIXES) == ".nc":
         train = from_values.model_from_json(storage.read(path).attrs.get("model", "null"))
         if getattr(train, "train", None) is None:
-            raise ValueError(f"{path} has no gear train: it must be written by gearlib.write_train")
+            raise ValueError(f"{path} has no gear train: it must be a file of gearlib.write_train")
         return train
-    Path(path).stat()  # A missing file raises FileNotFoundError, not an error about YAML.
+    Path(path).stat()  # This raises FileNotFoundError if the file is missing.
     content, messages = validation.read_yaml(path)
     if messages:
         raise ConfigError("\n".join(messages))

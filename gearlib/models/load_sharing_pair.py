@@ -92,7 +92,7 @@ class LoadSharingPair(WithPair):
     phases: Annotated[
         Phases,
         described(
-            "Number of equal intervals of a mesh period, in which gaps and compliances are parabolas"
+            "Number of equal intervals of a mesh period in which gaps and compliances are parabolas"
         ),
     ] = 16
     stiffness: Any = "energy"
@@ -231,9 +231,9 @@ class LoadSharingPair(WithPair):
     def _pairs(self, pitches: np.ndarray, *selection: np.ndarray) -> load_sharing.ToothPairs:
         """Return the tooth pairs in mesh, with their gaps and compliances, at given phases.
 
-        `pitches` and `selection` are positional arguments of `load_sharing.tooth_pairs_at`: the phases
-        in base pitches, the phases that decide which pairs are in mesh, and a mask of the pairs
-        that can touch.
+        `pitches` and `selection` are positional arguments of `load_sharing.tooth_pairs_at`: the
+        phases in base pitches, the phases that decide which pairs are in mesh, and a mask of the
+        pairs that can touch.
         """
         return load_sharing.tooth_pairs_at(self.stage, pitches, *selection, **self._options)
 
@@ -499,7 +499,7 @@ class LoadSharingPair(WithPair):
         system, max_stiffness = self.system_and_max_stiffness
         # Damping 2 beta / nu in free flight and in contact, for derivatives by the mesh phase.
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
-        # The denominator is an upper bound of the natural frequency, in radians per radian of phase.
+        # The denominator is an upper bound of the natural frequency per radian of phase.
         max_step = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
         return system._replace(damping=damping, max_step=max_step, tuning=tuning)
 

@@ -1,10 +1,10 @@
-"""The base class of all models: every attribute that simulations and analyses use.
+"""Base class of all models, with the attributes that simulations and analyses use.
 
 A new model is a frozen dataclass that derives from `Model`, with an entry in
 ``gearlib/__init__.py``. A model of one degree of freedom defines ``equation``; everything else has
 a default. A model with more coordinates defines ``size`` and the ``train`` of its matrices, or a
 piecewise-linear ``system`` with ``contact_modes``, ``full_state``, ``propagators``,
-``flank_lines`` and ``has_damping``. No caller checks the class of a model.
+``flank_lines`` and ``has_damping``. Callers never check the class of a model.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ from gearlib.models.profiles import Profile
 from gearlib.parameters import Numbers, State, check, declared_parameters
 from gearlib.units import cf_units
 
-#: A motion this many times larger than the lengths of its model counts as unbounded.
+#: Ratio of displacement to the characteristic length of a model above which a motion is unbounded.
 UNBOUNDED_FACTOR = 1e8
 
 
@@ -30,47 +30,47 @@ class Model:
     """A simulated system: its parameters, equations of motion, engines and names of variables."""
 
     # State and equations of motion.
-    size: Any = 2  #: number of varying state components: coordinates, then their rates by phase
+    size: Any = 2  #: number of state components: coordinates, then their derivatives by the phase
     repeats: Any = 1  #: periods of phase after which the excitation repeats
-    pair: Any = None  #: the `GearPair` that gives tuning and scales, if there is one
+    pair: Any = None  #: the `GearPair` that defines tuning and scales, or None
     equation: Any = None  #: the `Equation` of a model with one degree of freedom
     train: Any = None  #: the `GearTrain` with the matrices of a model with several coordinates
     gyroscopic: Any = False  #: whether the forces of a rotating frame of reference act
     profile: Any = None  #: the `Profile` of the mesh stiffness, where it can be chosen
-    #: Functions of the tuning: speed in rpm, mesh frequency in rad/s; None: nothing rotates.
+    #: Functions of the tuning: speed in rpm and mesh frequency in rad/s; None if nothing rotates.
     speed: Any = None
     mesh_frequency: Any = None
-    static_deflection: Any = None  #: scale of displacements of models that rotate, m
-    mean_forces: Any = 1.0  #: static mesh forces over the load, of m meshes (m,); coast side < 0
-    #: Whether Eq. (3) holds with one coordinate and equal flanks at 0 and -s, as fixed-step methods
-    #: and harmonic balance require.
+    static_deflection: Any = None  #: scale of displacements of models with rotating gears, m
+    mean_forces: Any = 1.0  #: static mesh forces over the load, (m,); negative on the coast side
+    #: Whether the model obeys Eq. (3) with one coordinate and equal flanks at 0 and -s, which
+    #: fixed-step methods and harmonic balance require.
     has_pair_equation: bool = False
-    moving_flank: bool = False  #: whether the coast flank moves about its line in `flank_lines`
+    moving_flank: bool = False  #: whether the coast-side flank moves relative to `flank_lines`
 
     # Parameters.
     defaults: dict = {}  #: field name -> function of the model that returns its default
     #: Continuation parameters of orbits beside the ratios: name -> (CF units, long_name)
     parameters: Any = {}
-    nonlinear: tuple = ()  #: names of the parameters that make the motion in contact nonlinear
+    nonlinear: tuple = ()  #: parameters that make the motion in contact nonlinear
 
     # Results.
-    mesh_names: Any = ()  #: labels of the dimension mesh; empty: results have no such dimension
+    mesh_names: Any = ()  #: labels of the dimension mesh, or () if results have none
     components: Any = ("displacement", "velocity")  #: names of the components of the final state
-    extra_samples: tuple = ()  #: names of sampled variables that other models do not have
-    long_names: dict = {}  #: variable name -> long_name, where it differs from a gear mesh
+    extra_samples: tuple = ()  #: names of sampled variables that only this model has
+    long_names: dict = {}  #: variable name -> long_name, if it differs from a gear mesh
     title_noun: str = "a gear mesh"  #: the model in titles of datasets
-    slowest_tuning: Any = 0.0  #: least tuning of a simulated duty point: below it, inertia is small
-    force_note: Any = ""  #: a sentence on the forces, for results, or ""
-    stiffness_model: Any = ""  #: the mesh model and its stiffness in words, or ""
+    slowest_tuning: Any = 0.0  #: tuning below which a duty point is quasi-static
+    force_note: Any = ""  #: a sentence about the forces in results, or ""
+    stiffness_model: Any = ""  #: description of the mesh model and its stiffness, or ""
     #: Name of the ratio of largest to static mesh force: "dynamic_factor" if teeth come into mesh
     #: under load, "peak_force_ratio" for a prescribed stiffness, which may jump.
     force_ratio_name: Any = "peak_force_ratio"
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
     def __post_init__(self):
-        """Replace fields that are None by default values.
+        """Set fields that are None to their default values.
 
-        `defaults` maps the name of a field to a function of the model that returns its default.
+        `defaults` maps field names to functions that compute the default from the model.
         """
         for name, default in self.defaults.items():
             if getattr(self, name) is None:
@@ -78,18 +78,19 @@ class Model:
 
     @property
     def piecewise_linear(self) -> bool:
-        """Whether the model is linear between two contact events, so that closed forms solve it.
+        """Whether the motion between two contact events is linear and has a closed-form solution.
 
-        A model without an `Equation` has matrices, which are always piecewise linear.
+        A model without an `Equation` is given by matrices, which are always piecewise linear.
         """
         return self.equation is None or self.equation.is_piecewise_linear()
 
     @property
     def propagators(self) -> dict[str, Callable]:
-        """Functions that create integrators, by the name of the method; the default is first.
+        """Factories of integrators as a dict method name -> function; the first is the default.
 
-        They take the model, the tuning (mesh frequency over natural frequency) and options. "exact"
-        means closed forms, which need a piecewise-linear model, and "taylor" means Taylor series.
+        Each function takes the model, the tuning (mesh frequency over natural frequency) and
+        options. "exact" uses closed forms, which require a piecewise-linear model, and "taylor"
+        uses Taylor series.
         """
         propagators = {"taylor": taylor_propagator}
         if self.piecewise_linear:
@@ -98,9 +99,9 @@ class Model:
 
     @property
     def speed_course_propagator(self) -> Callable | None:
-        """Function that returns the integrator of the model for a speed that changes with time.
+        """Factory of integrators for a speed that changes with time, a function of the model.
 
-        It takes the model. It is None if the model is not piecewise linear.
+        It is None if the model is not piecewise linear.
         """
         return _speed_course_propagator if self.piecewise_linear else None
 
@@ -112,8 +113,8 @@ class Model:
         """Return the integrator of the model at a tuning.
 
         `tuning` is the frequency of the excitation over the natural frequency. `method` is a key of
-        `propagators` such as "exact", by default the first key; `options` are keyword arguments of
-        the integrator class.
+        `propagators`, e.g. "exact"; the default is the first key. `options` are keyword arguments
+        of the integrator class.
         """
         propagators = self.propagators
         if not method:
@@ -121,10 +122,10 @@ class Model:
         return propagators[method](self, float(tuning), **options)
 
     def nonlinear_mesh(self, tuning: float, tolerance: float = 0.0) -> Any:
-        """Return the constants of a model of one degree of freedom for Taylor series.
+        """Return the constants of a model with one degree of freedom, as a `NonlinearMesh`.
 
-        They are a `NonlinearMesh` at the `tuning`, the mesh frequency over the natural frequency.
-        `tolerance` is the allowed error of a step of the integration.
+        `tuning` is the mesh frequency over the natural frequency, and `tolerance` is the error
+        tolerance of a step of the integration by Taylor series.
         """
         return self.equation.nonlinear_mesh(tuning, tolerance)
 
@@ -136,12 +137,11 @@ class Model:
         return (self.train or self.equation).system(tuning)
 
     def contact_modes(self, system: Any) -> tuple[np.ndarray, ...]:
-        """Return the dimensionless natural modes of a model while all its loaded flanks touch.
+        """Return the dimensionless natural modes with all loaded flanks in contact.
 
-        They are (natural frequencies, mode shapes, rigid-body motions, mass matrix); each column of
-        the second and third matrix is a shape or a motion. `system` is a `TrainSystem`, the
-        matrices of the model at a tuning. A model of one degree of freedom has one mode and no
-        rigid-body motion.
+        The result is (natural frequencies, mode shapes, rigid-body modes, mass matrix), with one
+        mode per column. `system` is a `TrainSystem`, the matrices of the model at a tuning. A model
+        with one degree of freedom has one elastic mode and no rigid-body mode.
         """
         if self.train:
             return self.train.contact_modes(system)
@@ -149,34 +149,32 @@ class Model:
         return np.array([self.equation.natural_frequency]), identity, np.zeros((1, 0)), identity
 
     def output_rows(self, system: Any) -> np.ndarray:
-        """Return the row vectors that map states to the extra recorded variables, (e, 3, p, n).
+        """Return the row vectors that map states to additional recorded variables, (e, 3, p, n).
 
-        There are e variables, 3 contact states (coast side, none, drive side), p segments of
-        constant stiffness and n components of a state of `system`, a `TrainSystem`. Here e is 0,
-        because only some models have extra variables.
+        The axes are e variables, 3 contact states (coast side, none, drive side), p segments of
+        constant stiffness, and n components of a state of `system`, a `TrainSystem`. The base class
+        has no additional variables, e = 0.
         """
-        contact_state_count, segment_count, _ = system.effect.shape
+        contact_state_count, segment_count, _ = system.force_index.shape
         return np.zeros((0, contact_state_count, segment_count, len(system.base_matrix)))
 
     def full_state(self, system: Any, state: tuple[float, float]) -> np.ndarray:
         """Return the full state of a `TrainSystem` at phase tau = 0.
 
-        `state` holds the displacement and the velocity dx/dtau. The full state also has components
-        such as a constant 1 and the harmonics of the excitation, which start at 0 here.
+        `state` is (displacement, velocity dx/dtau). The full state has further components, such as
+        the constant 1 and the harmonics of the excitation, which are set to 0 here.
         """
-        # The row vector of a flank line has as many components as a state. All but the first two
-        # start at 0.
-        full_state = np.zeros_like(system.drive_lines[0])
+        full_state = np.zeros_like(system.drive_distance_rows[0])
         full_state[:2] = state
         return full_state
 
     def check_state(self, initial_state: Any) -> Any:
-        """Return a checked initial state: displacement and velocity dx/dtau, or all components.
+        """Check an initial state and return it: (displacement, dx/dtau), or all state components.
 
         `initial_state` is a sequence of numbers, or the string "static" for the static equilibrium.
         """
         if isinstance(initial_state, str) and initial_state == "static":
-            return self.static_state(1.0)  # It is the same at every tuning.
+            return self.static_state(1.0)  # It does not depend on the tuning.
         if isinstance(initial_state, (tuple, list)) and len(initial_state) == self.size > 2:
             return check("initial_state", initial_state, Numbers)
         return check("initial_state", initial_state, State)
@@ -184,23 +182,24 @@ class Model:
     def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, ...]:
         """Return the static equilibrium just after phase 0, at rest, as an `initial_state`.
 
-        Damping and inertia, including the inertia of a deviation, are left out. The coast-side
+        Damping and inertia, including the inertia of a deviation, are neglected. The coast-side
         flanks carry a negative load: x = -backlash - deflection.
 
         Parameters
         ----------
         tuning : float
-            Tuning at which a run starts. The forces of a rotating frame of reference are left out,
-            so that all tunings have the same equilibrium.
+            Tuning at which a run starts. The forces of a rotating frame of reference are neglected,
+            so that the equilibrium is the same at all tunings.
         load : float, default 1
-            Load over the load of the model, a factor on all torques of a train.
+            Factor on the load of the model, i.e. on all torques of a train.
 
         Returns
         -------
         tuple of float
-            Displacement and velocity by phase, or all components of models with more coordinates.
-            Without a load, and under a load that no flank can carry, it is (0, 0) for gears, whose
-            flanks just touch, and the undeflected position closest to 0 for other models.
+            Displacement and velocity by phase, or all state components of models with several
+            coordinates. Without a load, and under a load that no flank can carry, it is (0, 0) for
+            gears, whose flanks just touch, and the undeflected position closest to 0 for other
+            models.
         """
         if self.train is not None:
             return self.train.static_state(tuning, load)
@@ -210,14 +209,14 @@ class Model:
     def settable(self) -> dict[str, tuple[str, str]]:
         """Finite numbers that `with_values` can change, as a dict name -> (CF units, description).
 
-        A name is a field of the model or of its `GearPair`, an entry of a field with several values
-        such as ``masses[0]``, or a ratio of the pair, a key of `RATIOS` such as ``damping_ratio``.
+        A name is a field of the model or of its `GearPair`, an entry of a tuple such as
+        ``masses[0]``, or a ratio of the pair such as ``damping_ratio`` (a key of `RATIOS`).
         """
         settable: dict = {}
         models = [self] if self.pair is None else [self, self.pair]
         for model in models:
             declarations = declared_parameters(type(model))
-            for name, value in fields_of(model).items():
+            for name, value in field_values(model).items():
                 units, description = "1", name
                 if name in declarations:
                     units = cf_units(declarations[name].unit)
@@ -236,7 +235,7 @@ class Model:
     def value(self, name: str) -> float:
         """Return a number of the model by its name.
 
-        `name` is a key of `settable`: a field such as ``load``, or an entry of one such as
+        `name` is a key of `settable`: a field such as ``load``, or an entry of a tuple such as
         ``masses[0]``.
         """
         field, _, index = name.rstrip("]").partition("[")  # "masses[0]" -> "masses", "0"
@@ -247,8 +246,8 @@ class Model:
         """Return a copy of the model with new values of some of its numbers.
 
         `new_values` maps names to values. A name is a key of `settable`: a field, an entry of a
-        field such as ``masses[0]``, or a ratio such as ``damping_ratio``. Ratios are set last, so
-        that they hold for the changed fields.
+        tuple such as ``masses[0]``, or a ratio such as ``damping_ratio``. Ratios are set last, so
+        that they refer to the changed fields.
         """
         fields: dict = {}
         for name, value in new_values.items():
@@ -272,17 +271,17 @@ class Model:
         return dataclasses.replace(self, **{name: value})  # type: ignore[type-var]
 
     def disturbed_state(self, state: tuple[float, ...], disturbance: float) -> tuple:
-        """Return the initial `state` with a disturbance added to its first displacement."""
+        """Return an initial state with a disturbance added to its first displacement."""
         return state[0] + disturbance, *state[1:]
 
     def empty_record(self, samples: int = 0, events: int = 16) -> tuple:
-        """Return uninitialized tables (samples, events, summary) for the record of a run.
+        """Allocate uninitialized tables (samples, events, summary) for the record of a run.
 
-        `samples` and `events` are the numbers of rows in the first two tables; the summary is one
-        row of extrema and sums. The table of samples has additional columns for the `extra_samples`
-        of the model.
+        `samples` and `events` are the numbers of rows of the first two tables; the summary is a
+        single row of extrema and sums. The table of samples has additional columns for the
+        `extra_samples` of the model.
         """
-        from gearlib.engines import orbit  # Creating a model must not load the kernels.
+        from gearlib.engines import orbit  # Imported here, so that models load without kernels.
 
         sample_table = np.empty((samples, orbit.SAMPLE_COLUMNS + len(self.extra_samples)))
         event_table = np.empty((events, orbit.EVENT_COLUMNS))
@@ -294,7 +293,8 @@ class Model:
         Their names are `extra_samples`, and their values are the last columns of the table
         `samples`, shape (samples, columns).
         """
-        columns = samples.T[samples.shape[1] - len(self.extra_samples) :]
+        first_extra_column = samples.shape[1] - len(self.extra_samples)
+        columns = samples.T[first_extra_column:]
         variables = {}
         for name, column in zip(self.extra_samples, columns, strict=True):
             variables[name] = ("phase",), column
@@ -303,100 +303,99 @@ class Model:
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
         """Return the summary variables that only this model has, as a dict name -> (dims, values).
 
-        `summaries` has the dimensions `dims`, then the columns of a summary, extrema and sums over
-        a record; `span` is the phase of the record in rad. Most models have no such variables.
+        `summaries` contains the extrema and sums of recorded runs; its last axis has the columns
+        of a summary, and `dims` are the dimensions of the other axes. `span` is the phase of the
+        record in rad. The base class has no such variables.
         """
         return {}
 
     def coordinates(self) -> dict[str, list]:
-        """Return the dataset coordinates that belong to the model: name -> labels."""
+        """Return the dataset coordinates of the model as a dict name -> labels."""
         return {"component": list(self.components)}
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the matrices (reduce, lift) that remove and restore rigid-body rotation.
 
-        `reduce` maps a full state to a state without rigid-body rotation, and `lift` maps this
-        back. Both are identity matrices here, for a model without rigid-body rotation.
+        `reduce` maps a full state to a state without rigid-body rotation, and `lift` maps it back.
+        In the base class, which has no rigid-body rotation, both are identity matrices.
         """
         return np.eye(self.size), np.eye(self.size)
 
     @property
     def flank_lines(self) -> Any:
-        """Displacements at which (drive-side, coast-side) contact begins, as a tuple."""
+        """Displacements at which drive-side and coast-side contact begin, as a tuple."""
         return self.equation.upper, self.equation.lower
 
     @property
     def loaded_sides(self) -> np.ndarray:
-        """Codes of the flanks that carry the static load: 1 drive side, -1 coast side.
+        """Contact states under the static load: 1 drive side, -1 coast side.
 
-        The shape is (m,) for m meshes and () for a model of one mesh.
+        The shape is (m,) for m meshes, and () for a model with a single mesh.
         """
         return np.where(np.asarray(self.mean_forces) < 0.0, COAST, DRIVE)
 
     def force_ratios(self, largest_forces: Any) -> Any:
-        """Return the ratios of the largest to the static mesh force.
+        """Return the ratio of the largest to the static mesh force of each mesh.
 
-        `largest_forces` are absolute values over the load of the model; for trains their last axis
-        is the mesh. The ratio is NaN for meshes without a static force.
+        `largest_forces` are absolute values relative to the load of the model; for trains the last
+        axis is the mesh. The ratio is NaN for meshes without a static force.
         """
         static_forces = np.abs(self.mean_forces)
         return largest_forces / np.where(static_forces > 0.0, static_forces, math.nan)
 
-    def clearances(self, lowest: np.ndarray, highest: np.ndarray) -> np.ndarray:
-        """Return how far the loaded flanks stay from losing contact, in static deflections.
+    def clearances(self, minima: np.ndarray, maxima: np.ndarray) -> np.ndarray:
+        """Return the margins by which the loaded flanks stay in contact.
 
-        `lowest` and `highest` are the extrema of the displacement of each mesh. A coast-side flank
-        loses contact if the highest displacement exceeds the line where its contact begins, a
-        drive-side flank if the lowest falls below its line; then the result is negative.
+        `minima` and `maxima` are the extrema of the displacement of each mesh. A drive-side flank
+        loses contact if the minimum falls below the displacement at which its contact begins, and a
+        coast-side flank if the maximum exceeds this displacement; the margin is then negative. All
+        values are in units of the static deflection.
         """
         drive_line, coast_line = self.flank_lines
-        return np.where(self.loaded_sides == COAST, coast_line - highest, lowest - drive_line)
+        return np.where(self.loaded_sides == COAST, coast_line - maxima, minima - drive_line)
 
     @property
     def extent(self) -> float:
-        """Largest length of the model in its unit of displacement, at least 1.
+        """Characteristic length of the model in its unit of displacement, at least 1.
 
-        It is the largest of the displacements where contact begins, the deflection under the mean
-        and alternating force, and the amplitude of the flank deviation.
+        It is the maximum of the displacements at which contact begins, the deflection under the
+        mean and alternating force, and the amplitude of the flank deviation.
         """
         positions = np.abs(np.ravel(self.flank_lines))
         lengths = [1.0, *positions[np.isfinite(positions)].tolist()]
         if self.equation is not None:
             equation = self.equation
-            # The first column of the harmonics is their order, the others are amplitudes.
+            # The first column of the harmonics is the order; the others are amplitudes.
             force = abs(equation.load) + np.abs(equation.force[:, 1:]).sum()
             lengths.append(force / equation.natural_frequency**2)
             lengths.append(np.abs(equation.deviation[:, 1:]).sum())
         return float(max(lengths))
 
     def displacement_limit(self, tuning: float, state: Any = (0.0, 0.0)) -> float:
-        """Return the displacement above which a motion counts as unbounded.
+        """Return the displacement above which a motion is treated as unbounded.
 
-        It is `UNBOUNDED_FACTOR` times the largest length of the model and of the initial `state`,
-        which holds n displacements and n velocities by mesh phase or is a name such as "static".
-        `tuning`, the frequency of the excitation over the natural frequency, converts velocities by
-        phase to velocities by time.
+        It is `UNBOUNDED_FACTOR` times the largest of the characteristic length of the model and
+        the components of the initial `state`, which consists of n displacements and n velocities by
+        mesh phase, or is a name such as "static". `tuning`, the frequency of the excitation over
+        the natural frequency, converts velocities by phase to velocities by time.
         """
         lengths = [self.extent]
         if not isinstance(state, str):
             n = len(state) // 2
-            lengths += [abs(x) for x in state[:n]] + [tuning * abs(v) for v in state[n:]]
+            displacements, velocities = state[:n], state[n:]
+            lengths += [abs(x) for x in displacements] + [tuning * abs(v) for v in velocities]
         return UNBOUNDED_FACTOR * max(lengths)
 
     def has_damping(self) -> bool:
-        """Return whether damping acts in contact or in free flight.
-
-        The damping coefficients are rows for coast-side contact, free flight and drive-side
-        contact.
-        """
+        """Return whether damping acts in contact or in free flight."""
         equation = self.equation
-        damping = equation.damping
-        if not math.isfinite(equation.lower):
-            damping = damping[1:]  # Row 0 is the coast-side contact, which does not exist.
-        return bool(damping.any())
+        # The rows are coast-side contact, free flight and drive-side contact.
+        coast_damping, flight_damping, drive_damping = equation.damping
+        has_coast_damping = math.isfinite(equation.lower) and coast_damping.any()
+        return bool(has_coast_damping or flight_damping.any() or drive_damping.any())
 
     def scales(self) -> dict:
-        """Return the dataset variables that do not depend on the tuning, name -> value."""
+        """Return the dataset variables that do not depend on the tuning, a dict name -> value."""
         return {}
 
     def tuning_at(self, speed: Any) -> Any:
@@ -407,23 +406,23 @@ class Model:
         return speed / self.speed(1.0)
 
     def tuning_from(self, reference: Any, tuning: Any) -> Any:
-        """Return the tuning of this model at the speed at which another model has a given tuning.
+        """Convert a tuning of another model to the tuning of this model at the same speed.
 
-        A tuning is the mesh frequency over the natural frequency, and models differ in the latter.
+        A tuning is the mesh frequency over the natural frequency, which differs between models.
         `reference` is the other model, and `tuning`, a float or an array, is its tuning.
         """
         return float(reference.speed(1.0) / self.speed(1.0)) * tuning
 
     @property
     def periods_per_revolution(self) -> float:
-        """Number of mesh periods per revolution of the reference gear, which may be fractional."""
+        """Number of mesh periods per revolution of the reference gear, not always an integer."""
         return float(self.mesh_frequency(1.0)) * 60.0 / (math.tau * float(self.speed(1.0)))
 
     def speed_scales(self, tuning: Any) -> dict:
         """Return the scales of a dataset that depend on the tuning, as a dict name -> value.
 
-        They convert dimensionless results to SI units, and the speed is in rpm. `tuning`, the mesh
-        frequency over the natural frequency, and the values are floats or arrays. A model without
+        The scales convert dimensionless results to SI units; the entry "speed" is in rpm. `tuning`
+        is the mesh frequency over the natural frequency, a float or an array. A model without
         rotating bodies has no such scales.
         """
         if self.speed is None:
@@ -439,11 +438,11 @@ class Model:
     def as_dict(self) -> dict:
         """Return the parameters as a dict of plain values, in the order of the fields.
 
-        A stiffness profile becomes a dict of its kind and its parameters.
+        A stiffness profile is represented by a dict with its kind and its parameters.
         """
         profiles = {
             name: value.as_dict()
-            for name, value in fields_of(self).items()
+            for name, value in field_values(self).items()
             if isinstance(value, Profile)
         }
         return dataclasses.asdict(self) | profiles
@@ -451,19 +450,19 @@ class Model:
     def replace(self, **changes: Any) -> Any:
         """Return a checked copy with changed parameters of the model or of its `GearPair`.
 
-        If both have a field of that name, the field of the model is changed. A field that still has
-        its default value is computed again from the changed fields: a `SixDegreePair` with default
-        torques gets new torques from a new load.
+        If both have a field of that name, the field of the model is changed. Fields that have their
+        default value are recomputed from the changed fields: a new load of a `SixDegreePair` with
+        default torques also changes its torques.
 
         Raises
         ------
         ValueError
             If a name is unknown, or the model does not allow a value.
         """
-        model_fields = fields_of(self)
-        all_fields = model_fields | (fields_of(self.pair) if self.pair else {})
+        model_fields = field_values(self)
+        all_fields = model_fields | (field_values(self.pair) if self.pair else {})
         checks.check_parameter_names(type(self).__name__, changes, list(all_fields))
-        # A field that is None is set to its default when the new model is created.
+        # Fields that are None get their default value when the new model is created.
         recomputed = {
             name: None
             for name, default in self.defaults.items()
@@ -476,11 +475,11 @@ class Model:
         return dataclasses.replace(self, **changes, **recomputed)  # type: ignore[type-var]
 
 
-# Engines are imported on first use, because each of them takes time to load.
+# Engines are imported on first use, because they take time to load.
 
 
 def single_mesh_propagator(model: Model, tuning: float, **options: Any) -> Any:
-    """Return the integrator by closed forms for a piecewise-linear model at a tuning.
+    """Create the closed-form integrator of a piecewise-linear model at a tuning.
 
     `tuning` is the mesh frequency over the natural frequency; `options` are keyword arguments of
     the integrator class `SingleMeshPropagator`.
@@ -491,7 +490,7 @@ def single_mesh_propagator(model: Model, tuning: float, **options: Any) -> Any:
 
 
 def taylor_propagator(model: Model, tuning: float, **options: Any) -> Any:
-    """Return the integrator by Taylor series for a model of one degree of freedom at a tuning.
+    """Create the Taylor-series integrator of a model with one degree of freedom at a tuning.
 
     `tuning` is the mesh frequency over the natural frequency; `options` are keyword arguments of
     the integrator class `Propagator`.
@@ -502,39 +501,40 @@ def taylor_propagator(model: Model, tuning: float, **options: Any) -> Any:
 
 
 def _speed_course_propagator(model: Model) -> Any:
-    """Return the integrator of a piecewise-linear model for runs whose speed changes with time."""
-    from gearlib.engines.linear.speed_courses import propagator_of
+    """Create the integrator of a piecewise-linear model for a speed that changes with time."""
+    from gearlib.engines.linear.speed_courses import create_course_propagator
 
-    return propagator_of(model)
+    return create_course_propagator(model)
 
 
-def fields_of(instance: Any) -> dict[str, Any]:
+def field_values(instance: Any) -> dict[str, Any]:
     """Return the fields of a dataclass instance as a dict, name -> value."""
     return {field.name: getattr(instance, field.name) for field in dataclasses.fields(instance)}
 
 
 def natural_scale(model: Any, units: str) -> float:
-    """Return a typical magnitude of a quantity of a model, from its units.
+    """Return the characteristic magnitude of a quantity of a model, based on its units.
 
     `units` is a string in CF notation such as "N s m-1". The result is a product of powers of the
-    load, the static deflection and the natural frequency of the model. Units without such a scale,
-    such as rad, contribute a factor of 1.
+    load, the static deflection and the natural frequency of the model. Other units, such as rad,
+    contribute a factor of 1.
     """
     force, length = float(model.load), model.static_deflection
-    frequency = model.mesh_frequency(1.0)  # At tuning 1 it is the natural frequency, rad/s.
+    frequency = model.mesh_frequency(1.0)  # natural frequency in rad/s, equal at tuning 1
     mass = force / length / frequency**2
     scales = {"N": force, "m": length, "s": 1.0 / frequency, "kg": mass}
-    scale_powers = []  # "N s m-1" has the units N, s, m with the exponents 1, 1, -1
+    factors = []
+    # For example, "N s m-1" consists of the units N, s, m with the exponents 1, 1, -1.
     for unit, exponent in re.findall(r"([A-Za-z]+)(-?\d+)?", units):
-        scale_powers.append(scales.get(unit, 1.0) ** int(exponent or 1))
-    return math.prod(scale_powers)
+        factors.append(scales.get(unit, 1.0) ** int(exponent or 1))
+    return math.prod(factors)
 
 
-def instance_without_checks(dataclass: type, **values: Any) -> Any:
-    """Create and return an instance of a frozen dataclass without running its checks.
+def create_unchecked(dataclass: type, **values: Any) -> Any:
+    """Create an instance of a frozen dataclass without running its checks.
 
-    `values` are the values of its fields; missing fields get their defaults. The checks accept only
-    floats, but interval arithmetic needs values that are intervals.
+    `values` are the values of its fields; omitted fields get their defaults. Interval arithmetic
+    needs this function, because the checks accept only floats and reject intervals.
     """
     instance = object.__new__(dataclass)
     for field in dataclasses.fields(dataclass):

@@ -1,4 +1,4 @@
-"""Models of one degree of freedom: gear pairs and dead-zone oscillators, and their equation.
+"""Models with one degree of freedom: gear pairs, dead-zone oscillators and their equation.
 
     x'' + e x + d(x') + c(tau) (g + p2 |g| g + p3 g^3)
         = F + sum_n (a_n cos n tau + b_n sin n tau) + f''(tau),        tau = nu t,
@@ -9,19 +9,19 @@
 
 with d(v) = d1 v + d2 |v| v + d3 v^3 and x' in units of the time t of the model; nu is the frequency
 of the excitation in that unit. Each model converts its parameters to an `Equation`. The engines
-use it as a `NonlinearMesh` for Taylor steps or, if it is linear with constant coefficients between
-events, as a `TrainSystem` of one mesh.
+integrate it by Taylor series as a `NonlinearMesh` or, if it is linear with constant coefficients
+between events, in closed form as a `TrainSystem` with one mesh.
 
-A gear pair has Eq. (3) of Hortel & Skuderova (2007) for one coordinate,
+A gear pair obeys Eq. (3) of Hortel & Skuderova (2007) for one coordinate,
 
     m y'' + k y' + D2 |y'| y' + D3 y'^3 + C(tau) (g + g2 |g| g + g3 g^3)
         = F + sum_n (a_n cos n tau + b_n sin n tau) + m f''(tau),
 
 with the relative mesh displacement y = q + f(tau) of Eq. (4): the rigid-body motion q of the flanks
-plus the deviation f from the involute, whose inertia appears as a force. The values of k, D2 and D3
-describe the material in contact and the oil in free flight. In units of the static
-deflection d_s = F / C_s and of 1 / Omega_s, the damping over the mesh phase is d1 = 2 beta / nu,
-d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
+plus the deviation f from the involute, whose inertia acts as a force. The coefficients k, D2 and D3
+describe the damping of the material in contact, and of the oil in free flight. In units of the
+static deflection d_s = F / C_s and of 1 / Omega_s, the damping with respect to the mesh phase is
+d1 = 2 beta / nu, d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 """
 
 import math
@@ -41,7 +41,7 @@ from gearlib.models import single_mesh_system
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.pair import GearPair, WithPair
-from gearlib.models.profiles import Pieces, Profile, Rectangular, Series, Steps
+from gearlib.models.profiles import PiecewiseStiffness, Profile, Rectangular, Series, Steps
 from gearlib.parameters import (
     Allowed,
     Finite,
@@ -58,12 +58,12 @@ _Cubic = Annotated[float, Ge(0), Unit("N s^3/m^3")]
 
 @dataclass(frozen=True)
 class Equation:
-    """Parameters of the equation of motion above, in a unit of length and of time."""
+    """Parameters of the equation of motion in the docstring of this module, in consistent units."""
 
-    upper: float  #: displacement where drive-side contact begins; finite
-    lower: float  #: displacement where coast-side contact begins, <= upper; -inf: no such contact
-    drive_stiffness: Pieces  #: stiffness c(tau) of drive-side contact
-    coast_stiffness: Pieces  #: stiffness of coast-side contact; the same object if both are equal
+    upper: float  #: displacement at which drive-side contact begins; finite
+    lower: float  #: displacement at which coast-side contact begins, <= upper; -inf if none
+    drive_stiffness: PiecewiseStiffness  #: stiffness c(tau) of drive-side contact
+    coast_stiffness: PiecewiseStiffness  #: the same object as `drive_stiffness` if equal
     damping: np.ndarray  #: d1, d2, d3 in coast-side contact, gap, drive-side contact, shape (3, 3)
     stiffness_powers: np.ndarray = field(default_factory=lambda: np.zeros(2))  #: p2, p3
     ground_stiffness: float = 0.0  #: stiffness e to the ground
@@ -71,46 +71,48 @@ class Equation:
     #: Rows (n, a_n, b_n) of the force, shape (k, 3), and of the deviation f, shape (j, 3).
     force: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
     deviation: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
-    natural_frequency: float = 1.0  #: natural frequency in contact, which sets the step length
+    natural_frequency: float = 1.0  #: natural frequency in contact, which limits the step
 
     def is_piecewise_linear(self) -> bool:
         """Return whether the equation is linear with constant coefficients between contact events.
 
-        This needs linear damping, forces proportional to the deflection, and a stiffness that is
-        constant between its steps.
+        Damping must be linear, contact forces must be proportional to the deflection, and the
+        stiffness must be piecewise constant.
         """
-        # Column 0 is the linear damping; column 1 of the lines is the slope of the stiffness.
-        nonlinear = self.damping[:, 1:].any() or self.stiffness_powers.any()
-        for pieces in (self.drive_stiffness, self.coast_stiffness):
-            nonlinear |= bool(pieces.harmonics.size) or pieces.lines[:, 1].any()
-        return not nonlinear
+        if self.damping[:, 1:].any() or self.stiffness_powers.any():  # Column 0 is linear damping.
+            return False
+        for stiffness in (self.drive_stiffness, self.coast_stiffness):
+            slopes = stiffness.values_and_slopes[:, 1]
+            if stiffness.harmonics.size or slopes.any():
+                return False
+        return True
 
     def nonlinear_mesh(self, tuning: float, tolerance: float) -> NonlinearMesh:
         """Return the constants of the equation for integration by Taylor series.
 
-        `tuning` is the frequency nu of the excitation, and `tolerance` is the allowed error of a
-        step. Velocities become derivatives by the mesh phase tau = nu t, so that x' becomes nu x'
-        and the equation is divided by nu^2.
+        `tuning` is the frequency nu of the excitation, and `tolerance` is the error tolerance of a
+        step. Derivatives are taken with respect to the mesh phase tau = nu t instead of the time,
+        so that x' becomes nu x', and the equation is divided by nu^2.
         """
         force_scale = 1.0 / tuning**2
-        drive_side, coast_side = self.stiffness_pieces()
-        # The columns are linear, quadratic and cubic damping.
+        drive_side, coast_side = self.stiffness_of_both_sides()
+        # The columns of `damping` are linear, quadratic and cubic coefficients.
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
-        # Harmonics are rows (order, cosine, sine), of which only the amplitudes are scaled.
+        # Harmonics are rows (order, cosine, sine); the order is not scaled.
         harmonic_scale = np.array([1.0, force_scale, force_scale])
         inertia = self.deviation.copy()
         # The second derivative of a harmonic of order n is -n^2 times the harmonic.
         inertia[:, 1:] *= -(inertia[:, :1] ** 2)
-        mean_force = [0.0, self.load * force_scale, 0.0]  # as a cosine of order 0
+        mean_force = [0.0, self.load * force_scale, 0.0]  # a harmonic of order 0
         return NonlinearMesh(
             tuning=tuning,
             backlash_ratio=self.upper - self.lower,
             drive_damping=damping[DRIVE + 1],
             backlash_damping=damping[NO_CONTACT + 1],
             stiffness_powers=self.stiffness_powers,
-            segment_bounds=drive_side.breaks,
-            stiffness_lines=drive_side.lines * force_scale,
-            below_mean=drive_side.low,
+            segment_bounds=drive_side.breakpoints,
+            stiffness_segments=drive_side.values_and_slopes * force_scale,
+            below_mean=drive_side.is_below_mean,
             stiffness_harmonics=drive_side.harmonics * harmonic_scale,
             force_harmonics=np.vstack([mean_force, self.force * harmonic_scale, inertia]),
             tolerance=tolerance,
@@ -118,98 +120,105 @@ class Equation:
             coast_line=self.lower,
             ground_stiffness=self.ground_stiffness * force_scale,
             coast_damping=damping[COAST + 1],
-            coast_stiffness_lines=coast_side.lines * force_scale,
+            coast_stiffness_segments=coast_side.values_and_slopes * force_scale,
             coast_stiffness_harmonics=coast_side.harmonics * harmonic_scale,
         )
 
     def system(self, tuning: float) -> TrainSystem:
         """Return the state-space matrices of a piecewise-linear equation, a `TrainSystem`.
 
-        `tuning` is the frequency nu of the excitation. The state holds q = x - f (the displacement
-        without the deviation f of the flanks), dq/dt, the constant 1, and a cosine and a sine of
-        each order of the excitation, over the time t of the model. The deviation f moves the
-        flanks, so that its inertia does not appear as a force.
+        `tuning` is the frequency nu of the excitation. The state consists of q = x - f (the
+        displacement x without the deviation f of the flanks), dq/dt, the constant 1, and a cosine
+        and a sine of each order of the excitation. In these coordinates the deviation moves the
+        flanks, and its inertia does not appear as a force.
         """
-        drive_side, coast_side = self.stiffness_pieces()
+        drive_side, coast_side = self.stiffness_of_both_sides()
         orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
         n = 3 + 2 * orders.size  # number of state components
-        upper, lower, force_input = np.zeros((3, n), np.result_type(tuning))
-        upper[0], force_input[1] = 1.0, -1.0
+        # `drive_row` and `coast_row` map the state to the distances of the flanks.
+        drive_row, coast_row, force_input = np.zeros((3, n), np.result_type(tuning))
+        drive_row[0], force_input[1] = 1.0, -1.0
         gap_damping = self.damping[NO_CONTACT + 1, 0]
-        free = single_mesh_system.harmonic_oscillators(n, 3, tuning * orders).astype(upper.dtype)
-        # The rows of dq/dt and d2q/dt2; `upper` and `lower` map the state to flank distances.
-        free[0, 1] = 1.0
-        free[1, 2] = self.load
-        for row_vector, harmonics in ((free[1], self.force), (upper, self.deviation)):
+        free = single_mesh_system.oscillator_matrix(n, 3, tuning * orders).astype(drive_row.dtype)
+        free[0, 1] = 1.0  # row of dq/dt
+        free[1, 2] = self.load  # row of d2q/dt2
+        for row_vector, harmonics in ((free[1], self.force), (drive_row, self.deviation)):
             for order, cosine, sine in harmonics:
                 column = 3 + 2 * int(np.searchsorted(orders, order))
                 row_vector[column : column + 2] += cosine, sine
-        # At this point, before the position of the flank is subtracted, upper @ state is x and
-        # (upper @ free) @ state is dx/dt.
-        free[1] -= self.ground_stiffness * upper + gap_damping * (upper @ free)
-        lower[:] = upper
-        upper[2] = -self.upper
-        # Contact adds the difference to the damping of free flight, which acts everywhere.
+        # The position of the flank is not subtracted yet: drive_row @ state is x, and
+        # (drive_row @ free) @ state is dx/dt.
+        free[1] -= self.ground_stiffness * drive_row + gap_damping * (drive_row @ free)
+        coast_row[:] = drive_row
+        drive_row[2] = -self.upper
+        # The damping of free flight always acts; contact adds the difference.
+        drive_levels = drive_side.values_and_slopes[:, 0]
+        coast_levels = coast_side.values_and_slopes[:, 0]
         damping = self.damping[DRIVE + 1, 0] - gap_damping
-        flanks = {DRIVE: single_mesh_system.Flank(upper, drive_side.lines[:, 0], damping)}
+        flanks = {DRIVE: single_mesh_system.Flank(drive_row, drive_levels, damping)}
         if np.isfinite(self.lower):
-            lower[2] = -self.lower
+            coast_row[2] = -self.lower
             damping = self.damping[COAST + 1, 0] - gap_damping
-            flanks[COAST] = single_mesh_system.Flank(lower, coast_side.lines[:, 0], damping)
-        return single_mesh_system.single_mesh_system(
-            free, force_input, flanks, drive_side.low, drive_side.breaks, orders, tuning
+            flanks[COAST] = single_mesh_system.Flank(coast_row, coast_levels, damping)
+        return single_mesh_system.assemble_single_mesh_system(
+            free,
+            force_input,
+            flanks,
+            drive_side.is_below_mean,
+            drive_side.breakpoints,
+            orders,
+            tuning,
         )
 
     def static_displacement(self, load: float) -> float:
         """Return the displacement in static equilibrium just after phase 0.
 
-        `load` is the mean force over the `load` of the equation. Each flank carries a force that
-        pushes against it. If there is no equilibrium, or if there are many, return the displacement
-        without deflection that is closest to 0.
+        `load` is a factor on the mean force of the equation. If there is no equilibrium, or more
+        than one, return the displacement without deflection that is closest to 0.
         """
-        # At phase 0 only the cosines of harmonics, in column 1, are not 0.
-        force, ground = self.load * load + self.force[:, 1].sum(), self.ground_stiffness
+        # At phase 0 only the cosines of the harmonics, in column 1, contribute.
+        force = self.load * load + self.force[:, 1].sum()
+        ground = self.ground_stiffness
         contacts = (1.0, self.upper, self.drive_stiffness), (-1.0, self.lower, self.coast_stiffness)
-        for sign, flank_line, pieces in contacts:
-            # Skip a flank that does not exist, or towards which no force pushes.
-            if not math.isfinite(flank_line) or sign * (force - ground * flank_line) <= 0.0:
+        for sign, contact_position, profile in contacts:
+            pushing_force = sign * (force - ground * contact_position)
+            # Skip a flank that does not exist, or that the force does not push against.
+            if not math.isfinite(contact_position) or pushing_force <= 0.0:
                 continue
-            stiffness = pieces.lines[0, 0] + pieces.harmonics[:, 1].sum()
+            stiffness = profile.values_and_slopes[0, 0] + profile.harmonics[:, 1].sum()
             if not stiffness + ground > 0.0:
                 continue  # Nothing would resist the force.
             # The force increases with the deflection, so that exactly one root is positive.
-            powers = stiffness * self.stiffness_powers[::-1]
-            linear = stiffness + ground, -sign * (force - ground * flank_line)
-            deflection = np.roots([*powers, *linear]).real.max()
-            return float(flank_line + sign * deflection)
+            cubic, quadratic = stiffness * self.stiffness_powers[::-1]
+            polynomial = [cubic, quadratic, stiffness + ground, -pushing_force]
+            deflection = np.roots(polynomial).real.max()
+            return float(contact_position + sign * deflection)
         if ground:  # Only the spring to the ground carries the force.
             return float(force / ground)
         return float(np.clip(0.0, self.lower, self.upper))
 
-    def stiffness_pieces(self) -> tuple[Pieces, Pieces]:
-        """Return the stiffness of drive-side and of coast-side contact over the mesh phase.
-
-        Both consist of straight pieces between breaks, which become the same phases for both.
-        """
+    def stiffness_of_both_sides(self) -> tuple[PiecewiseStiffness, PiecewiseStiffness]:
+        """Return the stiffness of drive-side and coast-side contact with common breakpoints."""
         if self.drive_stiffness is self.coast_stiffness:
             return self.drive_stiffness, self.coast_stiffness
-        breaks = np.union1d(self.drive_stiffness.breaks, self.coast_stiffness.breaks)
-        return self.drive_stiffness.cut_at(breaks), self.coast_stiffness.cut_at(breaks)
+        breakpoints = np.union1d(self.drive_stiffness.breakpoints, self.coast_stiffness.breakpoints)
+        drive_stiffness = self.drive_stiffness.subdivide(breakpoints)
+        return drive_stiffness, self.coast_stiffness.subdivide(breakpoints)
 
 
 def pair_equation(pair, stiffness, nonlinear_damping=0.0, **other_terms) -> Equation:
-    """Return the dimensionless `Equation` of motion of a gear pair with a mesh stiffness.
+    """Create the dimensionless `Equation` of motion of a gear pair with a mesh stiffness.
 
-    `pair` is a `GearPair`, and `stiffness` a `Pieces`: straight pieces over the mesh phase, divided
-    by the mean. `nonlinear_damping`, shape (3, 3), has rows for coast side, free flight and drive
-    side and columns for linear damping, which must be 0, quadratic damping d2 and cubic damping d3;
-    a scalar 0 means none. `other_terms` are further fields of `Equation`, such as the force.
+    `pair` is a `GearPair`, and `stiffness` is a `PiecewiseStiffness` divided by its mean.
+    `nonlinear_damping` is 0 or an array of shape (3, 3): the rows are coast side, free flight and
+    drive side, and the columns are 0, quadratic damping d2 and cubic damping d3. `other_terms` are
+    further fields of `Equation`, such as the force.
     """
     damping = np.zeros((3, 3)) + nonlinear_damping
     damping[:, 0] += 2.0 * np.array(
         [pair.damping_ratio, pair.backlash_damping_ratio, pair.damping_ratio]
     )
-    upper, lower = 0.0, -pair.backlash_ratio  # where drive-side and coast-side contact begin
+    upper, lower = 0.0, -pair.backlash_ratio  # displacements at which contact begins
     return Equation(upper, lower, stiffness, stiffness, damping, **other_terms)
 
 
@@ -251,17 +260,14 @@ class OneDegreePair(WithPair):
 
     @property
     def force_note(self) -> str:
-        """A sentence for results on jumps of the mesh force; "" if the stiffness has no jumps.
-
-        A rectangular stiffness is that of the `GearPair`, which has a sentence of its own.
-        """
+        """A sentence for results about jumps of the mesh force; "" for a continuous stiffness."""
         if isinstance(self.profile, Rectangular):
             return self.pair.force_note
-        return force_note(self.equation.drive_stiffness.smallest_ratio, is_rectangle=False)
+        return force_note(self.equation.drive_stiffness.min_jump_ratio, is_rectangle=False)
 
     @property
     def stiffness_model(self) -> str:
-        """The mesh stiffness in words."""
+        """Description of the mesh stiffness."""
         return self.profile.description or self.pair.stiffness_model
 
     parameters = property(
@@ -270,25 +276,26 @@ class OneDegreePair(WithPair):
 
     @cached_property
     def equation(self) -> Equation:
-        """The `Equation` of motion, with lengths in static deflections and times in 1 / Omega_s.
+        """The dimensionless `Equation` of motion.
 
-        Omega_s is the natural frequency at the mean stiffness, in rad/s. Nonlinear damping and
-        stiffness, the external force and the deviation of the flanks are added to the equation of
-        the `GearPair`.
+        The unit of length is the static deflection, and the unit of time is 1 / Omega_s with the
+        natural frequency Omega_s at the mean stiffness. The equation of the `GearPair` is extended
+        by nonlinear damping and stiffness, the external force and the deviation of the flanks.
         """
         pair = self.pair
         deflection, mass = pair.static_deflection, pair.reduced_mass
         damping_scales = np.array(
             [1.0, deflection / mass, deflection**2 * pair.mean_eigenfrequency / mass]
         )
-        # The columns are linear damping, which `pair_equation` adds, quadratic and cubic damping.
-        in_contact = 0.0, self.quadratic_damping, self.cubic_damping
-        in_backlash = 0.0, self.backlash_quadratic_damping, self.backlash_cubic_damping
+        # Rows of linear, quadratic and cubic damping; `pair_equation` adds the linear damping.
+        contact_damping = 0.0, self.quadratic_damping, self.cubic_damping
+        flight_damping = 0.0, self.backlash_quadratic_damping, self.backlash_cubic_damping
+        nonlinear_damping = np.array([contact_damping, flight_damping, contact_damping])
         powers = np.array([self.quadratic_stiffness, self.cubic_stiffness])
         return pair_equation(
             pair,
-            self.profile.pieces(pair),
-            np.array([in_contact, in_backlash, in_contact]) * damping_scales,
+            self.profile.piecewise_stiffness(pair),
+            nonlinear_damping * damping_scales,
             stiffness_powers=powers * [deflection, deflection**2],
             force=self.excitation.table(1.0 / pair.load),
             deviation=self.deviation.table(1.0 / deflection),
@@ -348,8 +355,8 @@ class DeadZoneOscillator(Model):
         ),
     ] = Harmonics()
 
-    # The tuning is W, the frequency of the forcing in the model's unit of time, phase is W t and
-    # velocities in results are dx/dphase = x' / W.
+    # The tuning is the frequency W of the forcing in the model's unit of time, the phase is W t,
+    # and velocities in results are dx/dphase = x' / W.
     long_names = {
         "phase": "phase of the forcing, 2 pi per period",
         "tuning": "frequency of the forcing",
@@ -390,8 +397,8 @@ class DeadZoneOscillator(Model):
     def __post_init__(self) -> None:
         """Check the edges and stiffnesses of the contacts, and set default values.
 
-        The lower edge must not lie above the upper edge, and a contact that exists must have a
-        stiffness.
+        The lower edge must not lie above the upper edge, and at least one contact must have a
+        positive mean stiffness.
         """
         allowed = f"-inf or a number <= upper_edge = {self.upper_edge!r}"
         valid = self.lower_edge <= self.upper_edge
@@ -408,39 +415,41 @@ class DeadZoneOscillator(Model):
     def equation(self) -> Equation:
         """The `Equation` of motion in the units of the parameters.
 
-        The upper contact takes the place of drive-side contact, the lower contact that of
-        coast-side contact. The rows of the damping are lower contact, gap and upper contact.
+        The upper contact is treated as the drive side and the lower contact as the coast side.
         """
-        upper = _pieces(self.upper_stiffness)
+        upper_stiffness = _to_piecewise_stiffness(self.upper_stiffness)
         same_stiffness = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
-        stiffest = max(_mean(self.upper_stiffness), _mean(self.lower_stiffness))
+        lower_stiffness = upper_stiffness
+        if not same_stiffness:
+            lower_stiffness = _to_piecewise_stiffness(self.lower_stiffness)
+        max_stiffness = max(_mean(self.upper_stiffness), _mean(self.lower_stiffness))
         damping = np.zeros((3, 3))
+        # The rows are lower contact, gap and upper contact; column 0 is linear damping.
         damping[:, 0] = self.lower_damping, self.damping, self.upper_damping
         return Equation(
             upper=self.upper_edge,
             lower=self.lower_edge,
-            drive_stiffness=upper,
-            coast_stiffness=upper if same_stiffness else _pieces(self.lower_stiffness),
+            drive_stiffness=upper_stiffness,
+            coast_stiffness=lower_stiffness,
             damping=damping,
             ground_stiffness=self.ground_stiffness,
             load=self.load,
             force=self.forcing.table(),
             deviation=self.deviation.table(),
-            natural_frequency=math.sqrt(self.ground_stiffness + stiffest),
+            natural_frequency=math.sqrt(self.ground_stiffness + max_stiffness),
         )
 
 
-def _pieces(stiffness: float | Series | Steps) -> Pieces:
-    """Return a stiffness as `Pieces`, straight lines and harmonics between breaks.
-
-    `stiffness` is a constant or a periodic `Series` (harmonics) or `Steps`.
-    """
+def _to_piecewise_stiffness(stiffness: float | Series | Steps) -> PiecewiseStiffness:
+    """Convert a constant or periodic stiffness to a `PiecewiseStiffness`."""
     if isinstance(stiffness, float):
-        stiffness = Steps((0.0,), (stiffness,))  # one step, from phase 0 on
-    return stiffness.pieces()
+        stiffness = Steps((0.0,), (stiffness,))  # a single step that starts at phase 0
+    return stiffness.piecewise_stiffness()
 
 
 def _mean(stiffness: float | Series | Steps) -> float:
     """Return the mean of a constant or periodic stiffness over a period."""
-    pieces = _pieces(stiffness)
-    return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)
+    profile = _to_piecewise_stiffness(stiffness)
+    # All slopes are 0, and harmonics do not change the mean.
+    values = profile.values_and_slopes[:, 0]
+    return float(values @ np.diff(profile.breakpoints)) / (2.0 * math.pi)

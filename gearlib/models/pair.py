@@ -1,6 +1,6 @@
-"""A gear pair with parameters in SI units, from which its dimensionless ratios follow.
+"""Gear pair with parameters in SI units, from which its dimensionless ratios follow.
 
-The engines work with the ratios and the tuning ``nu = omega_c / Omega_s`` only.
+The engines use only the ratios and the tuning ``nu = omega_c / Omega_s``.
 
 Source: Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104. The paper prints
 ``m_red = 0.003123 kg``; only 0.003123 N s^2/mm = 3.123 kg agrees with its damping ratios.
@@ -20,14 +20,14 @@ from gearlib.models.model import Model, single_mesh_propagator, taylor_propagato
 from gearlib.models.pair_parameters import MAX_MAGNITUDE, PairParameters, check_scales
 from gearlib.parameters import ContactRatio, NonNegative, StiffnessRatio, Unit, checked, declared
 
-#: Smallest stiffness ratio of the scalar closed forms. They are written about the equilibrium of
-#: each segment. For a smaller ratio the equilibrium of the softer segment lies so far away that
-#: they lose more than four digits.
+#: Smallest stiffness ratio for the scalar closed forms. They describe the motion relative to the
+#: equilibrium of each segment. For a smaller ratio, the equilibrium of the softer segment is so far
+#: away that more than four digits are lost.
 _MIN_SCALAR_STIFFNESS_RATIO = 1e-4
 
 
 def _scalar_propagator(model: "GearPair", tuning: float, **options: Any) -> Any:
-    """Return the integrator of a gear pair by scalar closed forms at a tuning.
+    """Create the integrator of a gear pair by scalar closed forms at a tuning.
 
     `tuning` is the mesh frequency over the natural frequency; `options` are keyword arguments of
     the integrator class `Propagator`.
@@ -47,7 +47,7 @@ class GearPair(PairParameters, Model):
     def __post_init__(self) -> None:
         """Check the parameters, their scales and the damping ratios.
 
-        Scales and ratios outside of their limits could overflow or underflow in products.
+        Products of values outside the limits could overflow or underflow.
         """
         super().__post_init__()
         check_scales(self)
@@ -57,7 +57,7 @@ class GearPair(PairParameters, Model):
         )
         for name in ("material_damping", "backlash_damping"):
             damping = getattr(self, name)
-            # The damping in contact may be unknown, which is None.
+            # None means that the damping in contact is unknown.
             checks.require(damping is None or damping <= max_damping, name, damping, allowed)
 
     @classmethod
@@ -74,7 +74,7 @@ class GearPair(PairParameters, Model):
         ] = math.inf,
         teeth: int = 24,
     ) -> "GearPair":
-        """Return a pair given by its dimensionless ratios, with unit scales.
+        """Return a pair with the given dimensionless ratios and unit scales.
 
         Mean stiffness, reduced mass and load are 1 N/m, 1 kg and 1 N, so that the static deflection
         is 1 m and the mean eigenfrequency is 1 rad/s.
@@ -86,7 +86,7 @@ class GearPair(PairParameters, Model):
         damping, backlash_damping : float, default 0
             Damping ratios beta in contact and beta_m in free flight; finite, >= 0.
         backlash_ratio : float, default infinite
-            Backlash in static deflections; >= 0.
+            Backlash in units of the static deflection; >= 0.
         teeth : int, default 24
             Number of mesh periods per revolution.
 
@@ -96,8 +96,8 @@ class GearPair(PairParameters, Model):
             If a value is impossible; the message names parameter, value and range.
         """
         stiffness_quotient = mean_over_max(contact_ratio, stiffness_ratio)
-        # Mass and load equal the rounded mean stiffness, so that the static deflection and the
-        # eigenfrequency are exactly 1 and the ratios keep their last digit.
+        # Mass and load equal the rounded mean stiffness, so that static deflection and
+        # eigenfrequency are exactly 1 and the ratios are not rounded.
         mean_stiffness = 1.0 / stiffness_quotient * stiffness_quotient
         return cls(
             max_stiffness=1.0 / stiffness_quotient,
@@ -125,8 +125,8 @@ class GearPair(PairParameters, Model):
             Power in W and speed of the pinion in rpm; finite, > 0.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
             Damping in contact, given by at most one of the damping ratio beta in [0, 1), the
-            logarithmic decrement 2 pi beta / sqrt(1 - beta^2) and the coefficient k_1 in N s/m.
-            Without any, the damping is unknown, and only stiffness and resonance can be computed.
+            logarithmic decrement 2 pi beta / sqrt(1 - beta^2) and the coefficient k_1 in N s/m. If
+            none is given, the damping is unknown, and only stiffness and resonance can be computed.
         backlash_damping_ratio : float, default 0
             Damping ratio beta_m in free flight, >= 0 and < 1.
         stiffness : {"iso", "energy"} or Tabulated, default "iso"
@@ -148,23 +148,23 @@ class GearPair(PairParameters, Model):
 
     @cached_property
     def equation(self) -> Any:
-        """The `Equation` of motion, with lengths in static deflections and times in 1 / Omega_s.
+        """The dimensionless `Equation` of motion.
 
-        Omega_s is the natural frequency at the mean stiffness, in rad/s.
+        The unit of length is the static deflection, and the unit of time is 1 / Omega_s with the
+        natural frequency Omega_s at the mean stiffness.
         """
-        # Imported here, because reading the configuration needs the fields but no equation.
+        # Imported here, because reading a configuration needs the fields but no equation.
         from gearlib.models.one_degree_pair import pair_equation
         from gearlib.models.profiles import Rectangular
 
-        # The mesh stiffness of the pair is rectangular over the mesh phase.
         return pair_equation(self, Rectangular().piecewise_stiffness(self))
 
     @property
     def propagators(self) -> dict[str, Callable]:
-        """Functions that create integrators, by the name of the method; the default is first.
+        """Factories of integrators as a dict method name -> function; the first is the default.
 
-        "exact" means closed forms and "taylor" Taylor series. The closed forms are scalar, which is
-        faster, unless the ratio of minimum to maximum stiffness is so small that they lose digits.
+        "exact" uses closed forms, and "taylor" uses Taylor series. The closed forms are scalar,
+        which is faster, unless the stiffness ratio is so small that they lose digits.
         """
         propagators = {"exact": _scalar_propagator, "taylor": taylor_propagator}
         if self.stiffness_ratio < _MIN_SCALAR_STIFFNESS_RATIO:
@@ -182,12 +182,12 @@ class GearPair(PairParameters, Model):
 
     @property
     def tuning_factor_max(self):
-        """sqrt(C_s / C_max), so that nu_max = nu * tuning_factor_max."""
+        """Factor sqrt(C_s / C_max) in nu_max = nu * tuning_factor_max."""
         return math.sqrt(self.mean_stiffness / self.max_stiffness)
 
     @property
     def tuning_factor_min(self):
-        """sqrt(C_s / C_min), so that nu_min = nu * tuning_factor_min."""
+        """Factor sqrt(C_s / C_min) in nu_min = nu * tuning_factor_min."""
         return math.sqrt(self.mean_stiffness / self.min_stiffness)
 
     def tuning_max(self, tuning: Any) -> Any:
@@ -214,16 +214,18 @@ class GearPair(PairParameters, Model):
 
     @property
     def flank_lines(self) -> tuple[float, float]:
-        """Displacements, in static deflections, where drive- and coast-side contact begin."""
+        """Displacements at which drive-side and coast-side contact begin.
+
+        They are in units of the static deflection.
+        """
         return 0.0, -self.backlash_ratio
 
     def scales(self) -> dict[str, float]:
         """Return the scales of a dataset that do not depend on the speed, as a dict name -> value.
 
-        Deflection, force and stiffness are in SI units, and the backlash is in static deflections.
-        A tuning (mesh over natural frequency) times tuning_factor_max or tuning_factor_min is the
-        tuning relative to the natural frequency at the maximum or minimum stiffness, in place of
-        the mean stiffness.
+        Deflection, force and stiffness are in SI units; backlash_ratio is the backlash in units of
+        the static deflection. tuning_factor_max and tuning_factor_min convert a tuning to the
+        tuning relative to the natural frequency at maximum and minimum stiffness.
         """
         return {
             "static_deflection": self.static_deflection,
@@ -236,7 +238,7 @@ class GearPair(PairParameters, Model):
 
 
 class WithPair(Model):
-    """A model with a field ``pair``, a `GearPair`, that shares the pair's scales and ratios."""
+    """A model with a field ``pair``, a `GearPair`, whose scales and ratios it shares."""
 
     if TYPE_CHECKING:
 

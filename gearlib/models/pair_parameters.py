@@ -1,4 +1,4 @@
-"""Parameters of a gear pair, their scales and ratios; this module loads no numpy."""
+"""Parameters, scales and ratios of a gear pair; this module does not import numpy."""
 
 import math
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,18 +20,18 @@ from gearlib.parameters import (
     described,
 )
 
-#: Limits of scales and damping ratios, beyond which squares overflow or underflow.
+#: Limits of scales and damping ratios; squares of values beyond them could overflow or underflow.
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-30, 1e30
 
-#: Values that identify the gear pair of Hortel and Skuderova (2007), "the paper".
+#: Parameters of the gear pair of Hortel and Skuderova (2007), "the paper".
 PAPER = {"max_stiffness": 4e8, "stiffness_ratio": 0.5879}
 PAPER |= {"contact_ratio": 1.569, "reduced_mass": 3.123}
 
 
 def check_scales(pair: Any) -> None:
-    """Raise ValueError if stiffness, mass or load of a gear pair is too large or too small.
+    """Raise ValueError if the stiffness, mass or load of a `GearPair` is too large or too small.
 
-    Beyond these limits, products of the values would overflow or underflow. `pair` is a `GearPair`.
+    Products of values beyond the limits could overflow or underflow.
     """
     allowed = f"a finite number > 0, from {MIN_MAGNITUDE} to {MAX_MAGNITUDE}"
     for name in ("max_stiffness", "reduced_mass", "load"):
@@ -74,30 +74,26 @@ class PairScales:
 
     @property
     def backlash_ratio(self):
-        """Backlash over the static deflection, s_k C_s / F."""
+        """Backlash in units of the static deflection, s_k C_s / F."""
         return self.backlash / self.static_deflection
 
     @property
     def force_note(self) -> str:
-        """A sentence on jumps of the mesh force for results; "" for a constant stiffness."""
+        """A sentence for results about jumps of the mesh force; "" for a constant stiffness."""
         return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
 
     @property
     def stiffness_model(self) -> str:
-        """The mesh stiffness in words, with stiffness ratio kappa and contact ratio epsilon.
-
-        The stiffness is constant where there is no warning of jumps of the mesh force,
-        `force_note`.
-        """
-        if not self.force_note:
+        """Description of the mesh stiffness, with its stiffness ratio and contact ratio."""
+        if not self.force_note:  # Without jumps of the mesh force the stiffness is constant.
             return "constant stiffness"
         return f"rectangle, kappa {self.stiffness_ratio:.4g}, epsilon {self.contact_ratio:.4g}"
 
     @property
     def name(self) -> str:
-        """Name of the gears in titles and captions.
+        """Name of the gear pair in titles and captions.
 
-        The gear pair of Hortel and Skuderova (2007) is recognized by the values in `PAPER`.
+        The gear pair of Hortel and Skuderova (2007) is recognized by the values of `PAPER`.
         """
         if all(math.isclose(getattr(self, key), value) for key, value in PAPER.items()):
             return "paper's pair"
@@ -129,25 +125,26 @@ class PairParameters(PairScales):
     ] = 24
 
 
-#: Name of a ratio of a pair -> the field that it determines.
+#: Name of a ratio of a gear pair -> field that it determines.
 RATIOS = {
     "damping_ratio": "material_damping",
     "backlash_damping_ratio": "backlash_damping",
     "backlash_ratio": "backlash",
 }
+#: Name of a ratio -> description.
 RATIO_NAMES = {
     "damping_ratio": "damping ratio beta",
-    "backlash_damping_ratio": "damping ratio beta_m of the backlash",
+    "backlash_damping_ratio": "damping ratio beta_m in free flight",
     "backlash_ratio": "backlash in static deflections",
 }
 
 
 def ratio_fields(pair: Any, ratio_name: str, value: float) -> dict[str, float]:
-    """Return the field that a ratio of a gear pair determines, as a dict of field name -> SI value.
+    """Convert a ratio of a gear pair to the field that it determines, a dict {name: SI value}.
 
     `ratio_name` is "damping_ratio", "backlash_damping_ratio" or "backlash_ratio", and `value` is
-    its value. A damping ratio is relative to the critical damping 2 m Omega_s, with the natural
-    frequency Omega_s, and the backlash ratio to the static deflection.
+    its value. Damping ratios refer to the critical damping 2 m_red Omega_s with the mean
+    eigenfrequency Omega_s, and the backlash ratio refers to the static deflection.
     """
     if ratio_name == "backlash_ratio":
         scale = pair.static_deflection

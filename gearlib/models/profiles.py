@@ -2,13 +2,13 @@
 
 numpy is imported in functions, because the configuration reads the declarations of the profiles.
 
-The engines use every profile as `Pieces`: between two neighbouring ``breaks`` the stiffness divided
-by its mean is a straight line plus harmonics,
+The engines convert every profile to a `PiecewiseStiffness`. In a segment between two neighbouring
+breakpoints, the stiffness divided by its mean is a linear function plus harmonics,
 
-    c(tau) = value + slope (tau - break) + sum_n a_n cos(n tau) + b_n sin(n tau).
+    c(tau) = value + slope (tau - breakpoint) + sum_n a_n cos(n tau) + b_n sin(n tau).
 
-There is a break wherever c is not smooth and wherever it crosses its mean, so that each piece lies
-entirely above or entirely below the mean ("at the lower stiffness").
+There is a breakpoint wherever c is not smooth or crosses its mean, so that c is either above or
+below the mean throughout a segment.
 """
 
 import csv
@@ -29,69 +29,70 @@ from gearlib.parameters import Angle, NonNegative, Positive, Stiffness, Values, 
 if TYPE_CHECKING:
     import numpy as np
 
-#: Samples per period of the highest harmonic in a search for crossings of the mean.
+#: Samples per period of the highest harmonic, to search for crossings of the mean.
 _SAMPLES_PER_WAVE = 32
 
 
 @dataclass(frozen=True)
-class Pieces:
-    """A periodic stiffness in pieces; for gear pairs it is divided by its mean."""
+class PiecewiseStiffness:
+    """A periodic stiffness, linear plus harmonics between breakpoints.
 
-    breaks: "np.ndarray"  #: phases where pieces begin or end, shape (m + 1,), from 0 to 2 pi
-    lines: "np.ndarray"  #: value at the start of each piece and slope, shape (m, 2)
-    low: "np.ndarray"  #: whether the piece lies below the mean, shape (m,)
-    harmonics: "np.ndarray"  #: rows (order, cosine, sine), shape (n, 3)
+    For gear pairs it is divided by its mean.
+    """
+
+    breakpoints: "np.ndarray"  #: phases that bound the m segments, from 0 to 2 pi, shape (m + 1,)
+    values_and_slopes: "np.ndarray"  #: value at the start of each segment and slope, shape (m, 2)
+    is_below_mean: "np.ndarray"  #: whether a segment lies below the mean, shape (m,)
+    harmonics: "np.ndarray"  #: rows (order, cosine amplitude, sine amplitude), shape (n, 3)
 
     @property
-    def smallest_ratio(self) -> float:
-        """Ratio of smaller to larger stiffness at the largest jump, 1 if there is no jump.
-
-        Each row of `lines` holds the stiffness at the start of a straight piece and its slope;
-        pieces lie between `breaks`, phases from 0 to 2 pi.
-        """
+    def min_jump_ratio(self) -> float:
+        """Ratio of the smaller to the larger stiffness at the largest jump; 1 without jumps."""
         import numpy as np
 
-        start_values, slopes = self.lines.T
-        end_values = start_values + slopes * np.diff(self.breaks)
-        # The harmonics are continuous and add the same value on both sides of a break.
-        oscillation = _sum_of_harmonics(self.harmonics, self.breaks)[:-1]
-        # Stiffnesses before and after each break but the last, where the next period begins.
-        before, after = np.roll(end_values, 1) + oscillation, start_values + oscillation
+        start_values, slopes = self.values_and_slopes.T
+        end_values = start_values + slopes * np.diff(self.breakpoints)
+        # The harmonics are continuous and add the same value on both sides of a breakpoint.
+        harmonic_values = _sum_harmonics(self.harmonics, self.breakpoints)[:-1]
+        # The stiffness is periodic, so that the last segment precedes the first one.
+        before = np.roll(end_values, 1) + harmonic_values
+        after = start_values + harmonic_values
         return float(np.min(np.minimum(before, after) / np.maximum(before, after)))
 
-    def cut_at(self, breaks: "np.ndarray") -> "Pieces":
-        """Return the same stiffness divided into more pieces, between the phases `breaks`.
+    def subdivide(self, breakpoints: "np.ndarray") -> "PiecewiseStiffness":
+        """Return the same stiffness with additional breakpoints.
 
-        `breaks` ascend from 0 to 2 pi and must include the present breaks. The value at the start
-        of each new straight piece follows from the piece in which it lies.
+        `breakpoints` ascend from 0 to 2 pi and must include the existing breakpoints.
         """
         import numpy as np
 
-        # The indices of the present pieces in which the new pieces lie.
-        indices = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
-        values, slopes = self.lines[indices].T
-        values = values + slopes * (breaks[:-1] - self.breaks[indices])
-        return Pieces(breaks, np.column_stack([values, slopes]), self.low[indices], self.harmonics)
+        # The indices of the existing segments that contain the new segments.
+        indices = np.searchsorted(self.breakpoints, breakpoints[:-1], side="right") - 1
+        values, slopes = self.values_and_slopes[indices].T
+        values = values + slopes * (breakpoints[:-1] - self.breakpoints[indices])
+        values_and_slopes = np.column_stack([values, slopes])
+        is_below_mean = self.is_below_mean[indices]
+        return PiecewiseStiffness(breakpoints, values_and_slopes, is_below_mean, self.harmonics)
 
 
 class Profile:
-    """A stiffness over one mesh period, the shape of the mesh stiffness of a pair.
+    """The shape of the mesh stiffness of a pair over one mesh period.
 
-    A new profile is a class above `PROFILES` with a method ``pieces``, and an entry in
+    A new profile is a class above `PROFILES` with a method ``piecewise_stiffness``, and an entry in
     ``gearlib/__init__.py``.
     """
 
     @property
     def description(self) -> str:
-        """The stiffness in words, "" for the rectangle of the pair."""
+        """Description of the stiffness; "" for the rectangular stiffness of the pair."""
         return ""
 
-    def pieces(self, pair: Any = None) -> Pieces:
-        """Return the stiffness as `Pieces`, for a `GearPair` divided by its mean."""
+    def piecewise_stiffness(self, pair: Any = None) -> PiecewiseStiffness:
+        """Convert the profile to a `PiecewiseStiffness`, divided by its mean if `pair` is given."""
         raise NotImplementedError
 
     def as_dict(self) -> dict:
-        """Return the kind of the profile and its parameters as a dict of plain values."""
+        """Return the kind and the parameters of the profile as a dict of plain values."""
         return {"kind": type(self).__name__.lower(), **asdict(self)}
 
 
@@ -99,23 +100,23 @@ class Profile:
 class Rectangular(Profile):
     """The rectangular stiffness of Eq. (1): C_max around tau = 0, C_min elsewhere."""
 
-    def pieces(self, pair: Any = None) -> Pieces:
-        """Return the rectangular mesh stiffness of a `GearPair` as `Pieces`, divided by its mean.
+    def piecewise_stiffness(self, pair: Any = None) -> PiecewiseStiffness:
+        """Return the rectangular mesh stiffness of a `GearPair`, divided by its mean.
 
-        The pieces are the maximum, the minimum and again the maximum stiffness.
+        Its segments are the maximum, the minimum and again the maximum stiffness.
         """
         import numpy as np
 
         high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
-        # The period starts in the middle of the higher level, so that this level is cut in half.
+        # The period starts in the middle of the upper level, which is thus split in half.
         half_high_length, low_length = segment_lengths(pair.contact_ratio)
         lengths = np.array([half_high_length, low_length, half_high_length])
-        nonempty = lengths > 0.0  # A contact ratio of 1 or 2 leaves only one level.
-        breaks = np.append(0.0, np.cumsum(lengths[nonempty]))
-        breaks[-1] = 2.0 * math.pi
+        nonempty = lengths > 0.0  # With a contact ratio of 1 or 2 there is only one level.
+        breakpoints = np.append(0.0, np.cumsum(lengths[nonempty]))
+        breakpoints[-1] = 2.0 * math.pi
         values = np.array([high, low, high])
         is_low = np.array([False, True, False])
-        return _constant_pieces(breaks, values[nonempty], is_low[nonempty])
+        return _piecewise_constant(breakpoints, values[nonempty], is_low[nonempty])
 
 
 @declared(kw_only=False)
@@ -134,24 +135,23 @@ class Fourier(Profile):
 
     @property
     def description(self) -> str:
-        """The stiffness in words."""
+        """Description of the stiffness."""
         return f"Fourier series of {self.harmonics} harmonics"
 
-    def pieces(self, pair: Any = None) -> Pieces:
-        """Return the truncated Fourier series of the rectangular mesh stiffness as `Pieces`.
+    def piecewise_stiffness(self, pair: Any = None) -> PiecewiseStiffness:
+        """Return the truncated Fourier series of the rectangular mesh stiffness of a `GearPair`.
 
-        The stiffness of `pair`, a `GearPair`, is divided by its mean. The series has
-        `self.harmonics` terms.
+        The stiffness is divided by its mean, and the series has `self.harmonics` terms.
         """
         import numpy as np
 
         high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
         orders = np.arange(1, self.harmonics + 1)
-        # The series of a rectangular wave whose higher level is centred on phase 0.
+        # The upper level of the rectangular wave is centred on phase 0.
         amplitudes = (high - low) / 2.0 * 4.0 / (math.pi * orders) * (-1.0) ** orders
         cosines = amplitudes * np.sin(orders * math.pi * (pair.contact_ratio - 2.0))
         harmonics = np.column_stack([orders, cosines, np.zeros(orders.size)])
-        return _harmonic_pieces(1.0, harmonics)
+        return _mean_plus_harmonics(1.0, harmonics)
 
 
 @declared(kw_only=False)
@@ -161,46 +161,43 @@ class Series(Profile):
     Raises
     ------
     ValueError
-        If the mean is not allowed, or the harmonics make the stiffness negative somewhere.
+        If the mean is not > 0, or the harmonics make the stiffness negative at a phase.
     """
 
     mean: Annotated[Positive, described("Mean stiffness")]
     harmonics: Annotated[Harmonics, described("Harmonics added to the mean")]
 
     def __post_init__(self) -> None:
-        """Raise ValueError if the stiffness, mean plus harmonics, is negative at a phase.
+        """Raise ValueError if the stiffness, mean plus harmonics, is negative at any phase.
 
-        It is computed at `_SAMPLES_PER_WAVE` phases per period of the highest harmonic.
+        The check samples `_SAMPLES_PER_WAVE` phases per period of the highest harmonic.
         """
         import numpy as np
 
         table = self.harmonics.table()
         phase = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * len(table) + 1)
-        minimum = self.mean + float(_sum_of_harmonics(table, phase).min())
-        # Rounding makes the minimum of a series that touches zero slightly negative.
+        minimum = self.mean + float(_sum_harmonics(table, phase).min())
+        # Rounding can make the minimum of a series that touches zero slightly negative.
         if minimum < -1e-12 * self.mean:
             raise ValueError(
-                f"harmonics = {self.harmonics!r} is not allowed: about mean = {self.mean!r} the "
+                f"harmonics = {self.harmonics!r} is not allowed: with mean = {self.mean!r} the "
                 f"stiffness falls to {minimum:.6g}; it must be >= 0 at every phase"
             )
 
     @property
     def description(self) -> str:
-        """The stiffness in words."""
+        """Description of the stiffness."""
         return f"mean and harmonics up to order {len(self.harmonics.table())}"
 
-    def pieces(self, pair: Any = None) -> Pieces:
-        """Return the stiffness as `Pieces`, straight lines and harmonics between breaks.
-
-        With a `GearPair` as `pair` it is divided by its mean.
-        """
+    def piecewise_stiffness(self, pair: Any = None) -> PiecewiseStiffness:
+        """Convert the series to a `PiecewiseStiffness`, divided by its mean if `pair` is given."""
         mean = self.mean if pair is None else 1.0
-        return _harmonic_pieces(mean, self.harmonics.table(mean / self.mean))
+        return _mean_plus_harmonics(mean, self.harmonics.table(mean / self.mean))
 
 
 @declared(kw_only=False)
 class Steps(Profile):
-    """A periodic stiffness of constant segments.
+    """A piecewise constant periodic stiffness.
 
     Raises
     ------
@@ -225,26 +222,23 @@ class Steps(Profile):
 
     @property
     def description(self) -> str:
-        """The stiffness in words."""
+        """Description of the stiffness."""
         return f"{len(self.phase)} steps"
 
-    def pieces(self, pair: Any = None) -> Pieces:
-        """Return the stiffness as `Pieces`, here constants between breaks from phase 0 to 2 pi.
-
-        With a `GearPair` as `pair` it is divided by its mean.
-        """
+    def piecewise_stiffness(self, pair: Any = None) -> PiecewiseStiffness:
+        """Convert the steps to a `PiecewiseStiffness`, divided by its mean if `pair` is given."""
         import numpy as np
 
         starts, values = np.array(self.phase), np.array(self.stiffness)
         if starts[0] > 0.0:  # The last segment continues from phase 0 to the first start.
             starts, values = np.append(0.0, starts), np.append(values[-1], values)
-        breaks = np.append(starts, 2.0 * math.pi)
-        mean = float(values @ np.diff(breaks)) / (2.0 * math.pi)
-        # The tolerance prevents a constant stiffness from lying below its rounded mean.
+        breakpoints = np.append(starts, 2.0 * math.pi)
+        mean = float(values @ np.diff(breakpoints)) / (2.0 * math.pi)
+        # Due to the tolerance, a constant stiffness is not below its rounded mean.
         is_low = values < (1.0 - 1e-12) * mean
         if pair is not None:
             values = values / mean
-        return _constant_pieces(breaks, values, is_low)
+        return _piecewise_constant(breakpoints, values, is_low)
 
 
 @declared(kw_only=False)
@@ -268,7 +262,7 @@ class Tabulated(Profile):
 
     @property
     def description(self) -> str:
-        """The stiffness in words."""
+        """Description of the stiffness."""
         return f"table of {len(self.phase)} phases"
 
     @classmethod
@@ -277,7 +271,8 @@ class Tabulated(Profile):
     ) -> "Tabulated":
         """Read the table from a CSV file with a header or from a netCDF file.
 
-        Cells are separated by commas or, with decimal points or commas, by semicolons or tabs.
+        Columns are separated by commas, semicolons or tabs; decimal commas are allowed with
+        semicolons and tabs.
 
         Parameters
         ----------
@@ -299,24 +294,24 @@ class Tabulated(Profile):
         path = Path(path)
         try:
             if path.suffix.lower() == ".csv":
-                table = cls(*_csv_columns(path, (phase, stiffness)))
+                table = cls(*_read_csv_columns(path, (phase, stiffness)))
             else:
-                table = cls(*_netcdf_columns(path, (phase, stiffness)))
-            # The largest distance between two neighbouring phases of the closed period.
-            gap = float(np.diff(table._closed_period()[0]).max())
-            # Rounded phases of two opposite points leave half of the period.
+                table = cls(*_read_netcdf_variables(path, (phase, stiffness)))
+            phases, _ = table._closed_period()
+            gap = float(np.diff(phases).max())
+            # The tolerance allows for rounded phases of two opposite points.
             if gap > math.pi + 1e-3:
                 raise ValueError(
                     f"{phase} = {table.phase[0]!r} ... {table.phase[-1]!r} is not allowed: "
-                    f"{gap:.4g} rad are left out; it must cover the mesh period, 0 to 2 pi rad, "
-                    "without a gap of more than half of it"
+                    f"it has a gap of {gap:.4g} rad; it must cover the mesh period, 0 to 2 pi rad, "
+                    "without gaps of more than half a period"
                 )
         except ValueError as error:
             raise ValueError(f"{path.name}: {error}") from None
         return table
 
     def mean(self) -> float:
-        """Return the mean over one period of the stiffness, which is linear between points, N/m."""
+        """Return the mean stiffness over one period in N/m."""
         import numpy as np
 
         phase, values = self._closed_period()
@@ -325,77 +320,75 @@ class Tabulated(Profile):
     def ratios(self) -> tuple[float, float, float]:
         """Return (max_stiffness, stiffness_ratio, contact_ratio) of an equivalent rectangle.
 
-        The rectangular stiffness has the same largest and smallest value and the same mean as the
-        table: the fraction contact_ratio - 1 of the period has the largest value, the rest
-        stiffness_ratio times that.
+        This rectangular stiffness has the same maximum, minimum and mean as the table. It is
+        max_stiffness for the fraction contact_ratio - 1 of the period, and
+        stiffness_ratio * max_stiffness for the rest of the period.
         """
         high, low, mean = max(self.stiffness), min(self.stiffness), self.mean()
-        if high == low:  # The stiffness is constant with any contact ratio.
+        if high == low:  # The contact ratio of a constant stiffness is arbitrary.
             return high, 1.0, 1.5
         return high, low / high, 1.0 + (mean - low) / (high - low)
 
-    def pieces(self, pair: Any = None) -> Pieces:
-        """Return the table as `Pieces`, straight lines between breaks, divided by its mean.
+    def piecewise_stiffness(self, pair: Any = None) -> PiecewiseStiffness:
+        """Convert the table to a `PiecewiseStiffness`, divided by its mean.
 
-        The argument `pair` is not used, because the table holds the stiffness itself. There are
-        breaks at the points of the table and where it crosses its mean.
+        The breakpoints are the points of the table and its crossings of the mean. `pair` is not
+        used, because the table contains the stiffness itself.
         """
         import numpy as np
 
         phase, values = self._closed_period()
         values = values / self.mean()
-        # The phases at which the straight lines between points cross the mean, which is 1.
+        # Find the phases at which the linear interpolation crosses the mean, which is 1.
         left, right = values[:-1] - 1.0, values[1:] - 1.0
         crosses_mean = left * right < 0.0
         fraction = left[crosses_mean] / (left - right)[crosses_mean]
         crossings = phase[:-1][crosses_mean] + np.diff(phase)[crosses_mean] * fraction
-        # The table may start at any phase, but breaks must lie in one period from 0.
-        breaks = np.mod(np.concatenate([phase[1:], crossings]), 2.0 * math.pi)
-        breaks = np.unique(np.append(breaks, [0.0, 2.0 * math.pi]))
-        values = np.interp(breaks, phase, values, period=2.0 * math.pi)
-        slopes = np.diff(values) / np.diff(breaks)
-        low = (values[:-1] + values[1:]) / 2.0 < 1.0
-        return Pieces(breaks, np.column_stack([values[:-1], slopes]), low, np.empty((0, 3)))
+        # The table may start at any phase, but the breakpoints must lie between 0 and 2 pi.
+        breakpoints = np.mod(np.concatenate([phase[1:], crossings]), 2.0 * math.pi)
+        breakpoints = np.unique(np.append(breakpoints, [0.0, 2.0 * math.pi]))
+        values = np.interp(breakpoints, phase, values, period=2.0 * math.pi)
+        slopes = np.diff(values) / np.diff(breakpoints)
+        is_below_mean = (values[:-1] + values[1:]) / 2.0 < 1.0
+        values_and_slopes, no_harmonics = np.column_stack([values[:-1], slopes]), np.empty((0, 3))
+        return PiecewiseStiffness(breakpoints, values_and_slopes, is_below_mean, no_harmonics)
 
     def _closed_period(self) -> tuple["np.ndarray", "np.ndarray"]:
-        """Return phases and stiffnesses of the table, closed to a full period.
-
-        The first point is repeated one period later.
-        """
+        """Return phases and stiffnesses of the table, with the first point repeated at the end."""
         import numpy as np
 
         phase = np.array([*self.phase, self.phase[0] + 2.0 * math.pi])
         return phase, np.array([*self.stiffness, self.stiffness[0]])
 
 
-#: Kind of a profile -> its class.
+#: Kind of profile -> class.
 PROFILES = {kind.__name__.lower(): kind for kind in Profile.__subclasses__()}
 
 
-def profile_of(kind: str, **values: Any) -> Profile:
-    """Return the stiffness profile of a kind, such as "fourier", with these parameters.
+def create_profile(kind: str, **values: Any) -> Profile:
+    """Create a stiffness profile from its kind and parameters.
 
-    `kind` is a key of `PROFILES`, and `values` are parameters as plain values; a dict of harmonics
-    becomes `Harmonics`.
+    `kind` is a key of `PROFILES`, e.g. "fourier". `values` are the parameters as plain values; a
+    dict of harmonics is converted to `Harmonics`.
     """
     if isinstance(values.get("harmonics"), dict):
         values["harmonics"] = Harmonics(**values["harmonics"])
     return PROFILES[kind](**values)
 
 
-def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
-    """Read two columns of a CSV file with a header, and return them as tuples of numbers.
+def _read_csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
+    """Read two columns of a CSV file with a header, as tuples of numbers.
 
-    `names` are the names of the columns for phase and stiffness. The separator of cells and the
-    decimal sign, a point or a comma, are recognized. Raises ValueError with the number of the line
-    that cannot be read.
+    `names` are the names of the columns with phase and stiffness. The column separator and the
+    decimal sign, a point or a comma, are detected. If a line cannot be read, ValueError with the
+    line number is raised.
     """
-    table = []  # (line number, cells) of all lines that are not empty
+    table = []  # (line number, cells) of each nonempty line
     try:
         # Spreadsheets write a byte order mark, which "utf-8-sig" removes.
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         header_line = next(filter(str.strip, lines), "")
-        # The separator is the sign that occurs most often in the header.
+        # The separator is the character that occurs most often in the header.
         separator = max(",;\t", key=header_line.count)
         for line_number, row in enumerate(csv.reader(lines, delimiter=separator), 1):
             cells = [cell.strip() for cell in row]
@@ -404,9 +397,10 @@ def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"it must be a CSV file in UTF-8 ({error})") from None
     header = table.pop(0)[1] if table else []
-    indices = _indices(header, names)
+    indices = _column_indices(header, names)
     columns: tuple[list, list] = [], []
-    decimal_sign = "." if separator == "," else ""  # "": the first number with a sign decides
+    # If the decimal sign is "", the first number with a point or a comma determines it.
+    decimal_sign = "." if separator == "," else ""
     for line_number, cells in table:
         if len(cells) < len(header) or any(cells[len(header) :]):
             allowed = f"{len(header)}, one for each column"
@@ -417,9 +411,9 @@ def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
             )
         for name, i, column in zip(names, indices, columns, strict=True):
             cell = cells[i]
-            # If a file had both signs, it would be unclear which one separates thousands.
             decimal_sign = decimal_sign or next((sign for sign in cell if sign in ",."), "")
             try:
+                # A file with both signs is rejected, because one could be a thousands separator.
                 if decimal_sign == "," and "." in cell:
                     raise ValueError
                 column.append(float(cell.replace(decimal_sign or ".", ".")))
@@ -429,11 +423,11 @@ def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
     return [*map(tuple, columns)]
 
 
-def _netcdf_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
-    """Read two variables of a netCDF file, and return them as tuples of numbers.
+def _read_netcdf_variables(path: Path, names: tuple[str, str]) -> list[tuple]:
+    """Read two variables of a netCDF file, as tuples of numbers.
 
-    `names` are the names of the variables for phase and stiffness. Raises ValueError if the file is
-    not netCDF or has no such variable.
+    `names` are the names of the variables with phase and stiffness. Raises ValueError if the file
+    is not a netCDF file or lacks a variable.
     """
     import numpy as np
 
@@ -445,16 +439,19 @@ def _netcdf_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
     except FileNotFoundError:
         raise
     except (OSError, ValueError):
-        raise ValueError("it must be a CSV file, whose name ends with .csv, or netCDF") from None
-    _indices([*map(str, dataset.variables)], names)  # raises ValueError if a name is missing
+        raise ValueError(
+            "it must be a CSV file, whose name ends with .csv, or a netCDF file"
+        ) from None
+    # This call raises ValueError if a variable is missing.
+    _column_indices([*map(str, dataset.variables)], names)
     return [tuple(np.atleast_1d(dataset[name].values).tolist()) for name in names]
 
 
-def _indices(known_names: list[str], names: tuple[str, str]) -> list[int]:
+def _column_indices(known_names: list[str], names: tuple[str, str]) -> list[int]:
     """Return the indices of the phase column and the stiffness column in a file.
 
-    `known_names` are the names of all its columns, and `names` are those that the user gave for
-    (phase, stiffness). Raises ValueError if a name is missing or occurs more than once.
+    `known_names` are the names of all columns, and `names` are the user's names of (phase,
+    stiffness). Raises ValueError if a name is missing or occurs more than once.
     """
     for key, name in zip(("phase", "stiffness"), names, strict=True):
         allowed = f"the name of a column, one of {sorted(known_names)}"
@@ -467,34 +464,39 @@ def _indices(known_names: list[str], names: tuple[str, str]) -> list[int]:
 def _check_table(profile: Any, min_length: int) -> None:
     """Raise ValueError unless the phases of a stiffness profile increase and each has a value.
 
-    `profile` is a `Steps` or `Tabulated`. It must have at least `min_length` phases, in [0, 2 pi).
+    `profile` is a `Steps` or `Tabulated` with at least `min_length` phases in [0, 2 pi).
     """
     phase, stiffness = profile.phase, profile.stiffness
     if len(phase) != len(stiffness) or len(phase) < min_length:
-        table = f"a table of {len(phase)} phases and {len(stiffness)} stiffnesses"
-        allowed = f"it must have equally many, at least {min_length}"
-        raise ValueError(f"{table} is not allowed: {allowed}")
+        raise ValueError(
+            f"a table of {len(phase)} phases and {len(stiffness)} stiffnesses is not allowed: "
+            f"it must have equally many, at least {min_length}"
+        )
     increasing = all(current < next_phase for current, next_phase in pairwise(phase))
     if not increasing or phase[0] < 0.0 or phase[-1] >= 2.0 * math.pi:
-        reason = "is not allowed: it must increase strictly within [0, 2 pi)"
-        raise ValueError(f"phase = {phase[0]!r} ... {phase[-1]!r} {reason}")
+        raise ValueError(
+            f"phase = {phase[0]!r} ... {phase[-1]!r} is not allowed: "
+            "it must increase strictly within [0, 2 pi)"
+        )
 
 
-def _constant_pieces(breaks, values, low, harmonics=()) -> Pieces:
-    """Return the `Pieces` of a stiffness that is constant between breaks, plus harmonics.
+def _piecewise_constant(breakpoints, values, is_below_mean, harmonics=()) -> PiecewiseStiffness:
+    """Create a `PiecewiseStiffness` that is piecewise constant plus harmonics.
 
-    `breaks` are m + 1 phases in rad and `values`, shape (m,), are the constants between them.
-    `low`, bool, (m,), marks pieces below the mean; `harmonics`, (n, 3), has rows (order, cosine,
-    sine).
+    `breakpoints` are m + 1 phases in rad, and `values`, shape (m,), are the constants between them.
+    `is_below_mean`, shape (m,), marks segments below the mean. `harmonics`, shape (n, 3), has rows
+    (order, cosine amplitude, sine amplitude).
     """
     import numpy as np
 
-    lines = np.column_stack([values, 0.0 * values])  # values and slopes
-    return Pieces(breaks, lines, low, np.reshape(harmonics, (-1, 3)))
+    slopes = 0.0 * values
+    values_and_slopes = np.column_stack([values, slopes])
+    harmonics = np.reshape(harmonics, (-1, 3))
+    return PiecewiseStiffness(breakpoints, values_and_slopes, is_below_mean, harmonics)
 
 
-def _sum_of_harmonics(harmonics: "np.ndarray", phases: Any) -> "np.ndarray":
-    """Return the sum of harmonics at phases in rad, an array with the shape of `phases`.
+def _sum_harmonics(harmonics: "np.ndarray", phases: Any) -> "np.ndarray":
+    """Evaluate a sum of harmonics at phases in rad; the result has the shape of `phases`.
 
     `harmonics`, shape (n, 3), has rows (order, cosine amplitude, sine amplitude).
     """
@@ -504,11 +506,11 @@ def _sum_of_harmonics(harmonics: "np.ndarray", phases: Any) -> "np.ndarray":
     return np.cos(angles) @ harmonics[:, 1] + np.sin(angles) @ harmonics[:, 2]
 
 
-def _harmonic_pieces(mean: float, harmonics: "np.ndarray") -> Pieces:
-    """Return the `Pieces` of a mean plus harmonics, divided where the sum crosses the mean.
+def _mean_plus_harmonics(mean: float, harmonics: "np.ndarray") -> PiecewiseStiffness:
+    """Create a `PiecewiseStiffness` from a mean and harmonics, with breakpoints at the mean.
 
-    The harmonics, shape (n, 3), are rows (order, cosine, sine). So each piece lies entirely above
-    or entirely below the mean.
+    The breakpoints are the phases at which the stiffness crosses its mean. `harmonics`, shape
+    (n, 3), has rows (order, cosine amplitude, sine amplitude).
     """
     import numpy as np
 
@@ -516,15 +518,16 @@ def _harmonic_pieces(mean: float, harmonics: "np.ndarray") -> Pieces:
     from scipy.optimize import brentq
 
     def oscillation(phase: float) -> float:
-        return float(_sum_of_harmonics(harmonics, phase))
+        return float(_sum_harmonics(harmonics, phase))
 
-    # Search for changes of sign on a fine grid, and then refine each of them.
+    # Find sign changes on a fine grid, and then refine the roots.
     highest_order = max(int(harmonics[:, 0].max(initial=0.0)), 1)
     phases = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * highest_order + 1)
-    signs = np.sign(_sum_of_harmonics(harmonics, phases))
+    signs = np.sign(_sum_harmonics(harmonics, phases))
     sign_changes = np.nonzero(signs[:-1] * signs[1:] < 0)[0]
     crossings = [brentq(oscillation, phases[i], phases[i + 1], xtol=1e-15) for i in sign_changes]
-    breaks = np.array([0.0, *crossings, 2.0 * math.pi])
-    midpoints = (breaks[:-1] + breaks[1:]) / 2.0
-    low = _sum_of_harmonics(harmonics, midpoints) < 0.0
-    return _constant_pieces(breaks, np.full(midpoints.size, mean), low, harmonics)
+    breakpoints = np.array([0.0, *crossings, 2.0 * math.pi])
+    midpoints = (breakpoints[:-1] + breakpoints[1:]) / 2.0
+    is_below_mean = _sum_harmonics(harmonics, midpoints) < 0.0
+    values = np.full(midpoints.size, mean)
+    return _piecewise_constant(breakpoints, values, is_below_mean, harmonics)

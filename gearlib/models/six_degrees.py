@@ -1,4 +1,4 @@
-"""Gear pair with six degrees of freedom: rotations and bearing motions of both gears, Eq. (3), (4).
+"""Gear pair with six degrees of freedom, rotations and bearing motions of both gears, Eq. (3), (4).
 
     (J3 / Rb3^2) u3'' = M3 / Rb3 - P - Q     m3 y3'' = -P - b Q - C3y y3 - k3y y3'
     (J2 / Rb2^2) u2'' = M2 / Rb2 - P - Q     m2 y2'' = +P + b Q - C2y y2 - k2y y2'
@@ -15,20 +15,20 @@ and the forces between the drive-side flanks, over y, and the coast-side flanks,
 
     P = k_m y' + H1 (C(tau) y + (k - k_m) y'),        Q = H2 (C(tau) (y - s) + (k - k_m) (y - s)').
 
-H1 is 1 in drive-side contact and H2 is 1 in coast-side contact; otherwise they are 0. By virtual
-work, a force acts on a coordinate with the derivative of its distance: b = d(y - s)/dy3 is 0 for
-the s above and 1 if the backlash does not move. Forces do not jump when flanks touch;
-`docs/theory/model.md` gives the reasons and says where dampers with k_m > k drive the motion.
-Friction F_T = mu sigma(tau) C g acts across the line of action, with g = y in drive-side contact, y
-- s in coast-side contact and 0 in free flight. Its direction sigma reverses at the pitch point and
-half a mesh period later. It opposes the sliding; the z axis is a quarter turn ahead of the y axis
-in the direction in which gear 3 rotates.
+H1 is 1 in drive-side contact and H2 is 1 in coast-side contact; otherwise they are 0. By the
+principle of virtual work, each force is multiplied by the derivative of its distance with respect
+to the coordinate: b = d(y - s)/dy3 is 0 for the s above and 1 if the backlash does not move. Forces
+do not jump when flanks touch; `docs/theory/model.md` gives the reasons and says where dampers with
+k_m > k drive the motion. The friction force F_T = mu sigma(tau) C g acts across the line of action,
+with g = y in drive-side contact, y - s in coast-side contact and 0 in free flight. It opposes the
+sliding; its direction sigma reverses at the pitch point and half a mesh period later. The z axis is
+the y axis rotated by 90 degrees in the direction in which gear 3 rotates.
 
-The run-out uses the rotations at steady speed, phi_j = tau / teeth_j, because a vibration of 1e-5
-rad changes the run-out by only 1e-5 of itself. So the system is linear between events. Its matrices
-are assembled as for a train of two gears, `TwoGears`.
+The run-out is evaluated for the rotations at steady speed, phi_j = tau / teeth_j, because a
+vibration of 1e-5 rad has a relative effect on the run-out of only 1e-5. The system is therefore
+linear between events. Its matrices are assembled as for a train of two gears, `TwoGears`.
 
-The paper prints only the values of the pair; all others are choices of the user.
+The paper gives only the parameters of the pair; the user chooses all others.
 """
 
 import math
@@ -43,12 +43,17 @@ from gearlib import checks
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.models.geometry.gear_stage import six_degree_parameters
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.model import Model, instance_without_checks, single_mesh_propagator
+from gearlib.models.model import Model, create_unchecked, single_mesh_propagator
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.single_mesh_system import contact_monodromy
 from gearlib.models.trains import waves
 from gearlib.models.trains.elements import Body, Mesh
-from gearlib.models.trains.structure import FLOAT_ARITHMETIC, Arithmetic, Structure, structure
+from gearlib.models.trains.structure import (
+    FLOAT_ARITHMETIC,
+    Arithmetic,
+    Structure,
+    assemble_structure,
+)
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import (
     INTEGER,
@@ -73,15 +78,17 @@ BEARINGS = ("y3", "z3", "y2", "z2")
 #: Derivatives of the relative displacement y by the bearing coordinates.
 _Y_DERIVATIVES = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
 
-#: Fields of a `Mesh` with values from the `GearPair`, and with values from the `SixDegreePair`.
+#: Fields of a `Mesh` that are copied from the `GearPair` or from the `SixDegreePair`.
 _MESH_FIELDS_OF_PAIR = (
     *("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash"),
     *("material_damping", "backlash_damping"),
 )
-_MESH_FIELDS_OF_GEARS = ("deviation", "coast_deviation", "friction", "pitch_phase")
-_MESH_FIELDS_OF_GEARS += ("moving_backlash",)
+_MESH_FIELDS_OF_GEARS = (
+    *("deviation", "coast_deviation", "friction", "pitch_phase"),
+    "moving_backlash",
+)
 
-#: Names of the extra recorded variables, after the columns of `gearlib.engines.orbit`.
+#: Names of the additional recorded variables, after the columns of `gearlib.engines.orbit`.
 EXTRA_VARIABLES = (
     *("rotation_3", "rotation_2", *(f"bearing_{name}" for name in BEARINGS)),
     *("coast_line", "friction_force", *(f"bearing_force_{name}" for name in BEARINGS)),
@@ -92,13 +99,16 @@ EXTRA_VARIABLES = (
 class SixDegreePair(WithPair):
     """A pair of gears on elastic bearings, in SI units; immutable.
 
-    Parameters with two values are for gears 3 and 2, with four values for the bearings y3, z3, y2
-    and z2. The reduced mass of `pair` only defines the tuning; the inertias determine the motion.
-    The paper's reduced mass can be read as `reduced_mass_torsional` or as `reduced_mass_free`.
+    Parameters with two values refer to gears 3 and 2, those with four values to the bearings y3,
+    z3, y2 and z2. The reduced mass of `pair` only defines the tuning; the inertias determine the
+    motion. The paper's reduced mass can be interpreted as `reduced_mass_torsional` or as
+    `reduced_mass_free`.
     """
 
     force_note = property(lambda model: model.pair.force_note, doc="`GearPair.force_note`.")
-    stiffness_model = property(lambda model: model.pair.stiffness_model, doc="As of `GearPair`.")
+    stiffness_model = property(
+        lambda model: model.pair.stiffness_model, doc="`GearPair.stiffness_model`."
+    )
     pair: Annotated[GearPair, described("Stiffness, load, backlash, damping")] = field()
     base_radii: Annotated[tuple[Length, ...], Values(2), described("Base radii", "Rb3, Rb2")]
     inertias: Annotated[tuple[Inertia, ...], Values(2), described("Moments of inertia", "J3, J2")]
@@ -141,7 +151,7 @@ class SixDegreePair(WithPair):
     ] = (0.0, 0.0)
     pitch_phase: Annotated[
         Angle,
-        described("Mesh phase at which the friction turns; it changes from negative to positive"),
+        described("Mesh phase at which the friction changes its sign from negative to positive"),
     ] = 0.0
     moving_backlash: Annotated[
         Boolean,
@@ -153,7 +163,7 @@ class SixDegreePair(WithPair):
     preload: Annotated[
         Boolean,
         described(
-            "Whether the bearings start in their deflection under the load, instead of undeflected"
+            "Whether the bearings start with their deflection under the load instead of undeflected"
         ),
     ] = True
 
@@ -186,7 +196,7 @@ class SixDegreePair(WithPair):
             Other parameters of the class, which replace values from the geometry, and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
-        # Fields of this class are taken out of the options; the others belong to the `GearPair`.
+        # The options that are no fields of this class are passed to `GearPair`.
         fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
         pair = GearPair.from_geometry(stage, **options)
         fields = six_degree_parameters(stage) | fields
@@ -216,7 +226,7 @@ class SixDegreePair(WithPair):
 
     @property
     def mean_forces(self) -> float:
-        """Static mesh force over the load of the pair; negative on the coast side."""
+        """Static mesh force relative to the load of the pair; negative on the coast side."""
         return float(self.train.mean_forces[0])
 
     def speed(self, tuning: Any) -> Any:
@@ -226,28 +236,30 @@ class SixDegreePair(WithPair):
     def scales(self) -> dict:
         """Return the scales of a dataset that do not depend on the speed, as a dict name -> value.
 
-        They are those of the `GearPair` and the torque of gear 3, in SI units.
+        They are the scales of the `GearPair` and the torque of gear 3 in N m.
         """
         return self.pair.scales() | {"torque": self.torques[0]}
 
     @property
     def size(self):
-        """Number of state components: four, and two more for each elastic bearing direction."""
+        """Number of state components: four, plus two for each elastic bearing."""
         return 4 + 2 * len(self.elastic_bearings())
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the matrices (reduce, lift) that remove and restore rigid-body rotation.
 
-        `reduce`, shape (n - 2, n), removes rigid-body rotation from a state of n components, which
-        are coordinates and then velocities, and `lift`, shape (n, n - 2), returns to a full state.
+        `reduce`, shape (n - 2, n), removes rigid-body rotation from a state, which consists of
+        n / 2 coordinates and n / 2 velocities, and `lift`, shape (n, n - 2), maps back to a full
+        state.
         """
         n = self.size
         # The mesh depends only on the sum u3 + u2 of the rotations; their difference is the
-        # rigid-body rotation. `lift` assigns the whole sum to u3.
-        lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
-        # u3 has the index 0, u2 the index 1, and their velocities follow n // 2 later.
+        # rigid-body rotation. `lift` assigns the whole sum to u3 and removes u2.
+        u2, u2_velocity = 1, n // 2 + 1  # indices in a full state
+        u3_reduced, u3_velocity_reduced = 0, n // 2 - 1  # indices in a reduced state
+        lift = np.delete(np.eye(n), [u2, u2_velocity], axis=1)
         reduce = lift.T.copy()
-        reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
+        reduce[u3_reduced, u2] = reduce[u3_velocity_reduced, u2_velocity] = 1.0
         return reduce, lift
 
     def has_damping(self) -> bool:
@@ -260,33 +272,35 @@ class SixDegreePair(WithPair):
 
     @cached_property
     def train(self):
-        """The train of two gears with the matrices of the pair."""
+        """The `TwoGears` from which the matrices of the pair are assembled."""
         return TwoGears(gears=self)
 
     def output_rows(self, system: TrainSystem) -> np.ndarray:
-        """Return the row vectors that map states to the extra recorded variables.
+        """Return the row vectors that map states to the additional recorded variables.
 
-        The variables are rotations, bearing motions, the line where coast-side contact begins, and
-        forces of friction and of bearings, see `EXTRA_VARIABLES`. `system` is the `TrainSystem` of
-        the model. The shape is (12 variables, 3 contact states, stiffness segments, components of a
-        state).
+        `EXTRA_VARIABLES` lists the variables: rotations, bearing motions, the displacement at which
+        coast-side contact begins, the friction force and bearing forces. `system` is the
+        `TrainSystem` of the model. The axes of the result are the 12 variables, 3 contact states,
+        segments of constant stiffness, and components of a state.
         """
         pair, elastic_bearings = self.pair, self.elastic_bearings()
         m = 2 + len(elastic_bearings)  # number of coordinates: two rotations, then bearings
-        constant = 2 * m  # index of the component of a state that is always 1
-        shape = (*system.effect.shape[:2], len(system.base_matrix))
+        constant = 2 * m  # index of the state component that is always 1
+        shape = (*system.force_index.shape[:2], len(system.base_matrix))
         rows = np.zeros((len(EXTRA_VARIABLES), *shape), system.base_matrix.dtype)
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0  # The first two variables are the rotations.
         # The backlash line s is the difference of the distances y and y - s of the flanks.
-        rows[EXTRA_VARIABLES.index("coast_line")] = system.drive_lines[0] - system.coast_lines[0]
+        rows[EXTRA_VARIABLES.index("coast_line")] = (
+            system.drive_distance_rows[0] - system.coast_distance_rows[0]
+        )
         if math.isinf(pair.backlash):
             rows[EXTRA_VARIABLES.index("coast_line"), ..., constant] = -pair.backlash_ratio
-        # Each contact state and segment has a force law with two outputs, the normal force (index
-        # 0) and the friction force (index 1).
-        force_indices = system.effect[:, :, 0]
+        # The forces of each contact state and segment are the normal force (index 0) and the
+        # friction force (index 1).
+        force_indices = system.force_index[:, :, 0]
         friction_outputs = system.force_output[0, force_indices, 1]
         rows[EXTRA_VARIABLES.index("friction_force")] = friction_outputs
-        # Converts N s/m to a force over the load per velocity by phase in static deflections.
+        # This factor converts damping coefficients in N s/m to dimensionless coefficients.
         damping_scale = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
         for column, i in enumerate(elastic_bearings, 2):
             motion_row = EXTRA_VARIABLES.index(f"bearing_{BEARINGS[i]}")
@@ -297,31 +311,31 @@ class SixDegreePair(WithPair):
         return rows
 
     def full_state(self, system: TrainSystem, state: tuple[float, float]) -> np.ndarray:
-        """Return the full state of a `TrainSystem` at phase tau = 0 from a short initial state.
+        """Return the full state of a `TrainSystem` at phase tau = 0 for an initial mesh state.
 
-        `state` is (y, dy/dtau) with the relative displacement y of the flanks. The full state holds
-        m coordinates, m velocities, the constant 1, and cosines and sines of the excitation. The
-        bearings start in their static deflection if `preload` is set.
+        `state` is (y, dy/dtau) with the relative displacement y of the flanks. The full state
+        consists of m coordinates, m velocities, the constant 1, and cosines and sines of the
+        excitation. If `preload` is set, the bearings start with their static deflection.
         """
         z = np.zeros(len(system.base_matrix), system.base_matrix.dtype)
-        elastic_bearings, drive_line = self.elastic_bearings(), system.drive_lines[0]
+        elastic_bearings, drive_row = self.elastic_bearings(), system.drive_distance_rows[0]
         m = 2 + len(elastic_bearings)
-        # The m coordinates are two rotations, then the elastic bearings.
+        # The coordinates are two rotations, followed by the elastic bearings.
         if self.preload:
             for column, i in enumerate(elastic_bearings, 2):
                 deflection = self.pair.mean_stiffness / self.bearing_stiffness[i]
                 z[column] = -_Y_DERIVATIVES[BEARINGS[i]] * deflection
-        # Gears that rotate in these proportions, base radius squared over inertia, start without
-        # rigid-body rotation.
+        # If the rotations are proportional to base radius squared over inertia, the gears start
+        # without rigid-body rotation.
         fractions = [r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)]
         fractions = np.array(fractions) / np.sum(fractions)
         z[2 * m] = 1.0
         z[2 * m + 1 :: 2] = 1.0  # cosines
-        z[:2] = fractions * (state[0] - drive_line @ z)
-        velocity = drive_line @ (system.base_matrix @ z) / system.tuning
+        z[:2] = fractions * (state[0] - drive_row @ z)
+        velocity = drive_row @ (system.base_matrix @ z) / system.tuning
         z[m : m + 2] = fractions * (state[1] - velocity)
-        # Remove the rounding error of the fractions from the displacement.
-        z[0] += state[0] - drive_line @ z
+        # Correct the rounding error of the fractions, so that the displacement is exact.
+        z[0] += state[0] - drive_row @ z
         return z
 
 
@@ -333,10 +347,11 @@ class _PairMesh(Mesh):
 
 @dataclass(frozen=True, kw_only=True)
 class TwoGears(GearTrain):
-    """The gears of a `SixDegreePair` as a train, from which the matrices of the pair are assembled.
+    """The gear train from which the matrices of a `SixDegreePair` are assembled.
 
-    The line of action lies along x: the bearings y of the pair are the supports along x, and its
-    bearings z are the supports along y. The scales are taken from the pair, whatever its torques.
+    The line of action is the x axis: the bearings y of the pair are the supports along x, and the
+    bearings z are the supports along y. The scales are those of the pair and do not depend on the
+    torques.
     """
 
     gears: Any  #: the `SixDegreePair`
@@ -347,18 +362,17 @@ class TwoGears(GearTrain):
     def __post_init__(self) -> None:
         """Create the mesh and the bodies "3" (pinion) and "2" (wheel) from the `SixDegreePair`.
 
-        The dataclass is frozen, so that its fields are set with `object.__setattr__`. Checks of the
-        bodies and the mesh are left out, because values may be intervals, which the checks do not
-        accept.
+        The bodies and the mesh are not checked, because their values may be intervals, which the
+        checks do not accept.
         """
         gears = self.gears
-        quarter = self.arithmetic.pi / 2.0  # a float, or an interval that encloses the number
-        # The run-outs add e3 sin phi3 and -e2 sin(Delta - phi2) to the displacement along the line
-        # of action, with the rotations phi of the gears in opposite directions and the run-out
-        # phase Delta; a body adds the cosine of its rotation plus its eccentricity phase.
-        run_out_phases = -quarter, self.arithmetic.convert(gears.run_out_phase) - quarter
+        half_pi = self.arithmetic.pi / 2.0  # a float, or an interval that encloses the number
+        # The run-outs add e3 sin phi3 - e2 sin(Delta - phi2) to the relative displacement, where
+        # Delta is the run-out phase and the rotations phi have opposite directions. The run-out of
+        # a `Body` is a cosine of its rotation plus its eccentricity phase.
+        eccentricity_phases = -half_pi, self.arithmetic.convert(gears.run_out_phase) - half_pi
         bodies = tuple(
-            instance_without_checks(
+            create_unchecked(
                 Body,
                 name=name,
                 teeth=gears.teeth[i],
@@ -369,14 +383,14 @@ class TwoGears(GearTrain):
                 support_stiffness=gears.bearing_stiffness[2 * i : 2 * i + 2],
                 support_damping=gears.bearing_damping[2 * i : 2 * i + 2],
                 eccentricity=gears.eccentricities[i],
-                eccentricity_phase=run_out_phases[i],
+                eccentricity_phase=eccentricity_phases[i],
             )
             for i, name in enumerate("32")
         )
         checks.require_damping(gears.pair.material_damping)
         values = {name: getattr(gears.pair, name) for name in _MESH_FIELDS_OF_PAIR}
         values |= {name: getattr(gears, name) for name in _MESH_FIELDS_OF_GEARS}
-        mesh = instance_without_checks(
+        mesh = create_unchecked(
             _PairMesh, name="mesh", pinion="3", wheel="2", line_of_action=0.0, phase=0.0, **values
         )
         object.__setattr__(self, "bodies", bodies)
@@ -384,20 +398,20 @@ class TwoGears(GearTrain):
         object.__setattr__(self, "reference", "mesh")
 
     def assemble(self, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
-        """Return the matrices of the train, with the rotations before the bearing motions.
+        """Return the `Structure` of the train, whose first coordinates are the rotations.
 
-        They are computed in floating-point arithmetic or, with another `arithmetic`, in interval
-        arithmetic, which encloses rounding errors.
+        `arithmetic` is floating-point arithmetic, or interval arithmetic to enclose rounding
+        errors.
         """
-        return structure(self.by_name, self.meshes, (), arithmetic, rotations_first=True)
+        return assemble_structure(self.by_name, self.meshes, (), arithmetic, rotations_first=True)
 
     def segments_of(self, first: int, count: int) -> waves.Segments:
-        """Return the segments of constant stiffness of one mesh period, which hold for all periods.
+        """Return the segments of constant stiffness of one mesh period.
 
-        `first` and `count`, the number of the first period and the number of periods, are not used,
-        because the run-out changes no segment.
+        All mesh periods have the same segments, so that the number `first` of the first period and
+        the number `count` of periods are not used.
         """
-        return waves.segments(self, 0, 1)
+        return waves.segments(self, first=0, count=1)
 
     @property
     def static_deflection(self):

@@ -52,7 +52,7 @@ def moved_configuration(settings, damping, **values):
 
 def pair_of(settings, damping):
     """Return the gear pair of a configuration with a named damping."""
-    return build_model(config.load(settings).pair(damping))
+    return build_model(config.load(settings).pair_description(damping))
 
 
 @pytest.mark.parametrize(("settings", "damping"), [(CONFIG, "k1"), (RELIEVED, "d")])
@@ -88,7 +88,9 @@ def test_sliders_of_gear_geometry_change_the_gears_of_the_library():
     values = {"module": 3e-3, "pinion_teeth": 25, "pinion_shift": 0.2, "helix_angle": 0.2}
     values |= {"torque": 40.0, "speed": 5000.0, "backlash": 100e-6, "width": 0.02}
     configuration = moved_configuration(GEOMETRY, "d", **values)
-    mesh, old_mesh = (config.load(settings).gears.mesh() for settings in (configuration, GEOMETRY))
+    mesh, old_mesh = (
+        config.load(settings).gears.gear_stage() for settings in (configuration, GEOMETRY)
+    )
     pinion = mesh.pinion
     assert (pinion.teeth, pinion.module, pinion.shift) == (25, 3e-3, 0.2)
     assert (mesh.wheel.module, mesh.wheel.helix_angle, mesh.width) == (3e-3, 0.2, 0.02)
@@ -107,11 +109,11 @@ def test_sliders_of_gear_geometry_change_the_gears_of_the_library():
 def test_sliders_scale_reliefs_or_limit_them_to_the_region_of_single_contact():
     mesh = config.load(
         moved_configuration(RELIEVED, "d", tip_relief=30e-6, module=5e-3)
-    ).gears.mesh()
+    ).gears.gear_stage()
     assert mesh.pinion.tip_relief.amount == pytest.approx(30e-6)
     assert mesh.pinion.tip_relief.length == pytest.approx(4e-3)
     assert mesh.wheel.tip_relief is None
-    mesh = config.load(moved_configuration(GEOMETRY, "d", tip_relief=30e-6)).gears.mesh()
+    mesh = config.load(moved_configuration(GEOMETRY, "d", tip_relief=30e-6)).gears.gear_stage()
     for gear in (mesh.pinion, mesh.wheel):
         assert gear.tip_relief.length == pytest.approx(mesh.longest_relief)
 
@@ -139,10 +141,12 @@ def test_a_view_of_gears_given_by_geometry_shows_the_load_sharing_model():
     view, gears = compute_view(moved_configuration(RELIEVED, "d"), "d"), config.load(RELIEVED).gears
     # GEOMETRY has a power of 30 kW and a speed of 9000 rpm.
     torque = 30e3 / (9000.0 * math.tau / 60.0)
-    error = gears.mesh().transmission_error(torque, stiffness="energy")
-    np.testing.assert_allclose(view.transmission_error.transmission_error[-1], error.transmission_error[0])
+    error = gears.gear_stage().transmission_error(torque, stiffness="energy")
+    np.testing.assert_allclose(
+        view.harris_map.transmission_error[-1], error.transmission_error[0]
+    )
     model = gearlib.LoadSharingPair.from_geometry(
-        gears.mesh(), torque=torque, damping_ratio=0.03, backlash_damping_ratio=0.01
+        gears.gear_stage(), torque=torque, damping_ratio=0.03, backlash_damping_ratio=0.01
     )
     # The record spans a revolution of the pinion of 23 teeth, after 280 mesh periods.
     periods = {"periods": 280 + 23, "record_periods": 23}
@@ -154,7 +158,7 @@ def test_a_view_of_gears_given_by_geometry_shows_the_load_sharing_model():
     factor = gearlib.duty_point(model, 9000.0).dynamic_factor.item()
     assert float(view.run.dynamic_factor) == pytest.approx(factor, rel=1e-9)
     assert quantities["K_v at the speed, without the quality"] == f"{factor:.4f}"
-    assert quantities["contact ratio"] == f"{gears.mesh().contact_ratio:.4f}"
+    assert quantities["contact ratio"] == f"{gears.gear_stage().contact_ratio:.4f}"
     assert quantities["peak-to-peak error"] == f"{1e6 * error.peak_to_peak_error.item():.2f} µm"
 
 
@@ -165,7 +169,7 @@ def test_curves_over_speed_match_sweeps_and_show_the_iso_factor():
     shown, gears = page.Page(settings, "d"), config.load(settings).gears
     arguments = {"damping_ratio": 0.03, "backlash_damping_ratio": 0.01}
     torque = gears.driving_torque()
-    model = gearlib.LoadSharingPair.from_geometry(gears.mesh(), torque=torque, **arguments)
+    model = gearlib.LoadSharingPair.from_geometry(gears.gear_stage(), torque=torque, **arguments)
     curves = {name: source.data for name, source in shown.figures.sources.items()}
     speeds = curves["up"]["x"]
     for direction in ("up", "down"):
@@ -174,7 +178,7 @@ def test_curves_over_speed_match_sweeps_and_show_the_iso_factor():
         np.testing.assert_allclose(curves[direction]["y"], sweep.dynamic_factor, rtol=1e-9)
         height = 1e6 * model.static_deflection * (sweep.displacement_max - sweep.displacement_min)
         np.testing.assert_allclose(curves[f"{direction}_error"]["y"], height, rtol=1e-9)
-    iso = geometry.dynamic_factor(gears.mesh(), torque, speeds).factor
+    iso = geometry.dynamic_factor(gears.gear_stage(), torque, speeds).factor
     np.testing.assert_allclose(curves["iso"]["y"], iso, rtol=1e-9)
     jumps = curves["jumps"]["x"]
     assert 0.0 < np.nanmin(jumps) < np.nanmax(jumps) - 1000.0
@@ -196,7 +200,7 @@ def test_sliders_of_gear_geometry_show_the_damping_ratio_of_the_load_sharing_mod
 @pytest.mark.parametrize("settings", [GEOMETRY, RELIEVED])
 def test_shares_of_neighbouring_tooth_pairs_add_up_to_the_load(settings):
     """Compare the drawn load share over the path with its sum rule and with the library."""
-    shown, mesh = page.Page(settings, "d"), config.load(settings).gears.mesh()
+    shown, mesh = page.Page(settings, "d"), config.load(settings).gears.gear_stage()
     position, share = (shown.figures.sources["share"].data[axis] for axis in "xy")
     # There are 256 samples in a base pitch, by which the next tooth pair follows.
     assert 256 * (position[1] - position[0]) == pytest.approx(1e3 * mesh.base_pitch, rel=1e-9)
@@ -230,7 +234,8 @@ def test_moving_a_slider_redraws_the_figures_or_shows_why_it_is_refused():
     ):
         np.testing.assert_array_equal(sources[name].data[axis], values)
     np.testing.assert_allclose(
-        sources["chosen"].data["y"][:-1], 1e6 * view.transmission_error.transmission_error.values[-1]
+        sources["chosen"].data["y"][:-1],
+        1e6 * view.harris_map.transmission_error.values[-1],
     )
     assert yaml.safe_load(shown.config_file().read()) == shown.configuration()
     shown.widgets["pinion_shift"].value = -0.9

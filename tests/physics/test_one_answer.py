@@ -42,7 +42,7 @@ def run_command(*arguments):
 def dynamic_factors(settings, gears):
     """Yield the dynamic factor at the speed of the gears from each function and command."""
     speed, damping_ratio = gears["speed"], DAMPINGS["usual"]["damping_ratio"]
-    mesh = settings.gears.mesh()
+    mesh = settings.gears.gear_stage()
     load = {"torque": gears["torque"], "damping_ratio": damping_ratio}
     yield duty_point(mesh, speed, **load).dynamic_factor.item()
     rows = {
@@ -57,7 +57,7 @@ def dynamic_factors(settings, gears):
     run = {"periods": settings.periods, "record_periods": 10, "initial_state": "static"}
     models = (
         build_model(settings.model_description("usual", pitch_errors=True)),
-        build_model(settings.pair("usual")),
+        build_model(settings.pair_description("usual")),
     )
     motion = paper.simulate_phase_portrait(*models, settings.phase_planes.tunings[0], run, "usual")
     yield motion.dynamic_factor.item()
@@ -81,6 +81,6 @@ def test_library_commands_and_explorer_give_the_same_dynamic_factor(gears, tmp_p
     duty_point_factor, *other_factors = dynamic_factors(config.load(mapping), gears)
     assert duty_point_factor > 1.005 and len(other_factors) == 5
     assert other_factors == pytest.approx([duty_point_factor] * 5, rel=1e-9)
-    mesh = config.load(mapping).gears.mesh()
+    mesh = config.load(mapping).gears.gear_stage()
     slow_point = duty_point(mesh, 1.0, torque=gears["torque"], damping_ratio=0.05)
     assert slow_point.dynamic_factor == pytest.approx(1.0, abs=0.01)

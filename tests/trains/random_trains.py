@@ -28,7 +28,7 @@ def random_problem(rng):
     if rng.random() < 0.7:
         spread = rng.choice([1.0, 3.0, 8.0])
         # Each mode changes the distances of flanks by about `spread` static deflections.
-        unit = shapes / np.maximum(np.abs(train.structure.lines @ shapes).max(axis=0), 1e-3)
+        unit = shapes / np.maximum(np.abs(train.structure.mesh_jacobian @ shapes).max(axis=0), 1e-3)
         state[: train.size // 2] += unit @ rng.normal(
             0.0, spread / math.sqrt(train.size // 2), squares.size
         )

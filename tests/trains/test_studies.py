@@ -12,7 +12,7 @@ from tests.paper import CONFIG as PROJECT
 from tests.tables import read_back
 
 CONFIG = load(PROJECT)
-PAIR = build_model(CONFIG.pair(CONFIG.reducer.damping))
+PAIR = build_model(CONFIG.pair_description(CONFIG.reducer.damping))
 REDUCER = CONFIG.reducer.model_dump() | {"starts": 4, "first_starts": 2}
 TRAIN = trains.build_reducer(PAIR, REDUCER)
 MANY = {"periods": 120, "record_periods": 12, "starts": 5, "first_starts": 2, "seed": 3}

@@ -57,7 +57,7 @@ def test_a_configuration_in_other_units_gives_the_same_settings():
     assert settings.gear_pair == project_settings.gear_pair
     assert settings.dampings == project_settings.dampings
     (case,) = settings.scenes["fig7_damping"].cases
-    assert settings.pair(case.damping, case.change)["load"] == 1000.0
+    assert settings.pair_description(case.damping, case.change)["load"] == 1000.0
 
 
 def test_speeds_in_rpm_become_tunings():
@@ -70,7 +70,7 @@ def test_speeds_in_rpm_become_tunings():
         branches={"start": "1500 rpm"},
         basins={"cases": basin_cases},
     )
-    pair, section = build_model(settings.pair("k1")), settings.resonance
+    pair, section = build_model(settings.pair_description("k1")), settings.resonance
     # A sweep from rest ("cold") over 3000 rpm is divided into two windows of 1500 rpm.
     assert len(section.windows("cold")) == 2
     values = tunings.grid(section.start, section.stop, section.step)
@@ -84,7 +84,7 @@ def test_speeds_in_rpm_become_tunings():
     assert (second, branches.stop) == (0.8, 1.4)
     # The third case of `basins` changes the gears, so that its tuning refers to the changed gears.
     case = settings.basins.cases[2]
-    gears = build_model(settings.pair(case.damping, case.change))
+    gears = build_model(settings.pair_description(case.damping, case.change))
     assert gears.stiffness_ratio == 0.35
     assert gears.speed(case.tuning) == pytest.approx(2000.0, rel=1e-12)
 
@@ -161,7 +161,7 @@ def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
     assert set(settings.figures.colours) == set(dampings)
     assert len(set(settings.figures.colours.values())) == len(dampings)
     # The default masses and inertias for six degrees of freedom give the reduced mass of the pair.
-    pair = build_model(settings.pair(next(iter(dampings))))
+    pair = build_model(settings.pair_description(next(iter(dampings))))
     six_degree_pair = SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     assert six_degree_pair.reduced_mass_free == pytest.approx(
         OTHER_GEARS["reduced_mass"], rel=1e-12

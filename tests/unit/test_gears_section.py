@@ -59,7 +59,7 @@ def test_the_pair_of_the_configuration_matches_the_library():
     ):
         expected = GearPair.from_geometry(fzg_stage(), damping_ratio=0.06, **arguments).as_dict()
         # The configuration rounds derived values to 12 digits.
-        pair = build_model(load(settings).pair("k")).as_dict()
+        pair = build_model(load(settings).pair_description("k")).as_dict()
         assert pair == pytest.approx(expected, rel=1e-11)
 
 
@@ -72,7 +72,7 @@ def test_every_key_is_passed_to_the_gear():
     common = {"module": 4e-3, "width": 0.03, "rack": rack, "material": material, **angles}
     # The section accepts all keys together, although no model simulates helical gears with relief.
     section = {"pinion": PINION_WITH_EVERY_KEY, "wheel": {"teeth": 50}, "torque": 50.0}
-    stage = StageSection.model_validate(section).mesh()
+    stage = StageSection.model_validate(section).gear_stage()
     pinion_fields = {
         "teeth": 40,
         "shift": 0.1,
@@ -91,7 +91,7 @@ def test_every_key_is_passed_to_the_gear():
     wheel = {"teeth": 99, "internal": True, "outer_diameter": "440 mm"}
     pinion = {"teeth": 36, "module": "4 mm", "width": "30 mm"}
     section = {"pinion": pinion, "wheel": wheel, "torque": 100.0}
-    assert StageSection.model_validate(section).mesh() == ring()
+    assert StageSection.model_validate(section).gear_stage() == ring()
 
 
 def test_a_configuration_is_updated_with_another_one():

@@ -73,7 +73,7 @@ def test_a_predefined_train_matches_the_library(kind):
         == EVERY_TRAIN_KEY[kind].keys()
         == type(section).model_fields.keys()
     )
-    pair = () if kind == "planetary" else (build_model(settings.pair("k1")),)
+    pair = () if kind == "planetary" else (build_model(settings.pair_description("k1")),)
     assert train_of_section(kind, EVERY_TRAIN_KEY[kind]) == getattr(gearlib, kind)(
         *pair, **section.model_dump()
     )

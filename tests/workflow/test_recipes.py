@@ -54,9 +54,10 @@ def python(folder, *arguments):
 
 PROFILE = """
 from gearlib.config import load
-from gearlib.models.from_values import model
+from gearlib.models.from_values import build_model
 from tests.paper import CONFIG
-pair = model(load(CONFIG | {"profile": {"kind": "trapezoid", "ramp": 0.2}}).pair("k1"))
+config = load(CONFIG | {"profile": {"kind": "trapezoid", "ramp": 0.2}})
+pair = build_model(config.pair_description("k1"))
 print(pair.stiffness_model, pair.force_note, pair.equation.is_piecewise_linear())
 load(CONFIG | {"profile": {"kind": "trapezoid", "ramp": -0.2}})
 """

@@ -1,8 +1,9 @@
-"""Bodies, shafts, meshes and harmonic forces of gear trains in SI units, and checks of a train.
+"""Bodies, shafts, meshes and harmonic forces of gear trains in SI units, and checks of trains.
 
 A body rotates about its axis; if its support is elastic, it also moves along x and y. Angles and
-torques are positive counterclockwise. The rotation is the arc length u = base_radius theta, with
-the mass inertia / base_radius^2. `gearlib.models.trains.structure` assembles the matrices.
+torques are positive counterclockwise. The rotation theta is described by the arc length
+u = base_radius theta, whose mass is inertia / base_radius^2. `gearlib.models.trains.structure`
+assembles the matrices.
 """
 
 import math
@@ -50,9 +51,9 @@ _STIFFNESS_AND_DAMPING = (
     *("torque", "damping_ratio", "logarithmic_decrement", "material_damping"),
     *("backlash_damping_ratio", "model", "stiffness", "options"),
 )
-#: Largest relative difference of base pitches, which allows for rounded base radii.
+#: Largest relative difference of base pitches in a mesh, to allow for rounded base radii.
 _PITCH_TOLERANCE = 1e-4
-#: Largest number of meshes, as in a planetary train of 100 planets.
+#: Largest number of meshes, as in a planetary train with 100 planets.
 _MAX_MESHES = 200
 _Thickness = Annotated[float, Gt(0), Lt(1), Unit("1")]
 
@@ -61,7 +62,7 @@ _Thickness = Annotated[float, Gt(0), Lt(1), Unit("1")]
 class Body:
     """A gear or a carrier of a `GearTrain`; immutable.
 
-    Its support acts along x and y, or radially and tangentially if a carrier carries the body.
+    Its support acts along x and y, or radially and tangentially if the body is on a carrier.
     """
 
     name: Annotated[Text, described("Name of the body")]
@@ -105,13 +106,13 @@ class Body:
     angle: Annotated[Angle, described("Angle of its pin on the carrier")] = 0.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError if an elastic support lacks a mass, or a run-out lacks teeth.
+        """Raise ValueError for an elastic support without a mass or a run-out without teeth.
 
         A support is elastic if its stiffness along x or y is finite.
         """
         owner = f"body {self.name}"
         is_rigid = all(math.isinf(stiffness) for stiffness in self.support_stiffness)
-        allowed = "a finite number > 0 where the support is elastic"
+        allowed = "a finite number > 0 if the support is elastic"
         checks.require(self.mass is not None or is_rigid, "mass", None, allowed, owner)
         valid = self.teeth is not None or not self.eccentricity
         allowed = "0 for a body without teeth"
@@ -133,8 +134,8 @@ class Body:
         checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
         gear_fields = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
         for field in ("mass", "inertia"):
-            # Reading the mass or inertia of a ring gear without an outer diameter raises an error,
-            # so that they are read only if they are not given.
+            # The mass and inertia of a ring gear without an outer diameter raise an error, so they
+            # are accessed only if they are not given.
             if field not in fields:
                 gear_fields[field] = getattr(gear, field)
         return cls(name=name, **(gear_fields | fields))
@@ -167,8 +168,9 @@ class Shaft:
     ] = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError if the shaft would join a body to itself."""
-        valid, allowed = self.bodies[0] != self.bodies[1], "the names of two different bodies"
+        """Raise ValueError if the shaft joins a body to itself."""
+        valid = self.bodies[0] != self.bodies[1]
+        allowed = "the names of two different bodies"
         checks.require(valid, "bodies", self.bodies, allowed, "a shaft")
 
 
@@ -176,10 +178,10 @@ class Shaft:
 class Mesh:
     """Two gears in mesh; immutable.
 
-    Its position is the direction from the axis of the pinion to that of the wheel, in an internal
-    mesh from the axis of the wheel to that of the pinion. Friction acts on the axes across the line
-    of action and opposes the sliding, which reverses at the pitch point and half a mesh period
-    later.
+    Its position is the direction from the axis of the pinion to the axis of the wheel; in an
+    internal mesh, it is the direction from the axis of the wheel to the axis of the pinion.
+    Friction acts on the axes across the line of action and opposes the sliding, which reverses at
+    the pitch point and half a mesh period later.
     """
 
     pinion: Annotated[Text, described("Name of the body that is the pinion")]
@@ -282,11 +284,10 @@ class Mesh:
     def __post_init__(self) -> None:
         """Set the default name and coast-side deviation, and check `driving` and `line_of_action`.
 
-        The coast side has the flanks that touch when the load is reversed; by default they deviate
-        as those of the drive side. Raises ValueError if `driving` names neither gear of the mesh,
-        or if both `line_of_action` and `position` are given.
+        By default, the deviation of the coast-side flanks equals that of the drive-side flanks.
+        Raises ValueError if `driving` is neither gear of the mesh, or if both `line_of_action` and
+        `position` are given.
         """
-        # The dataclass is frozen, so that defaults are set through `object`.
         if self.name is None:
             object.__setattr__(self, "name", f"{self.pinion}-{self.wheel}")
         if self.coast_deviation is None:
@@ -296,7 +297,7 @@ class Mesh:
         allowed = f"one of {self.pinion!r}, {self.wheel!r}"
         checks.require(valid, "driving", self.driving, allowed, owner)
         valid = self.line_of_action is None or self.position is None
-        allowed = "left out where position is given"
+        allowed = "omitted if position is given"
         checks.require(valid, "line_of_action", self.line_of_action, allowed, owner)
 
     @classmethod
@@ -312,24 +313,24 @@ class Mesh:
         pinion, wheel : str
             Names of the bodies.
         torque : float, optional
-            Torque on the pinion in N m, not 0; its sign does not matter. The model "teeth" needs
-            it. The model "rectangle" needs it for the stiffness "iso" at low load, and for the
+            Torque on the pinion in N m, not 0; its sign does not matter. The model "teeth" requires
+            it. The model "rectangle" requires it for the stiffness "iso" at low load, and for the
             logarithmic contact.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
-            Damping in contact, given by at most one of them; ratio and decrement refer to the two
-            gears alone, without the train around them. Without any of them the damping is
+            Damping in contact, given by at most one of these parameters; ratio and decrement refer
+            to the two gears without the rest of the train. If none is given, the damping is
             unknown, and only modes and statics can be computed.
         backlash_damping_ratio : float, default 0
             Damping ratio in free flight.
         model : {"teeth", "rectangle"}, default "teeth"
-            "teeth": the mean stiffness, excited by the transmission error of the teeth under the
+            "teeth": mean stiffness, excited by the transmission error of the teeth under the
             torque, with tip reliefs and corner contact, so that the mesh force is static at low
             speed. "rectangle": two levels of stiffness, as for parametric resonance.
         stiffness, options
-            Method of the mesh stiffness and its options, see `GearPair.from_geometry`. By default
-            "iso" for "rectangle", and for "teeth" the energy method, or "iso" if a bore is too
-            large for it. If an elastic `Shaft` already includes the twist of the body of a gear,
-            set the option twist of the energy method to False for this gear, as in
+            Method of the mesh stiffness and its options, see `GearPair.from_geometry`. The default
+            for "rectangle" is "iso"; for "teeth" it is the energy method, or "iso" if a bore is too
+            large for it. If an elastic `Shaft` already includes the twist of a gear body, set the
+            option twist of the energy method to False for this gear, as in
             {"twist": (False, True)}.
         **fields
             Other fields of `Mesh`; they override the values from the geometry.
@@ -346,9 +347,9 @@ class Mesh:
     def line_angle(self, pi: Any) -> Any:
         """Return the angle of the line of action in rad, counterclockwise from the x axis.
 
-        It is `line_of_action` if given; otherwise it follows from the angle of the line of centres
-        and the pressure angle. `pi` is the number pi as a float, or as an interval that encloses
-        pi, where the result must have an error bound.
+        It is `line_of_action` if that is given; otherwise it follows from the angle of the line of
+        centres and the pressure angle. `pi` is the number pi as a float or, for a result with an
+        error bound, as an interval that encloses pi.
         """
         if self.line_of_action is not None:
             return self.line_of_action
@@ -358,7 +359,8 @@ class Mesh:
     def centre_line_angle(self) -> float:
         """Angle of the line of centres, rad, counterclockwise from the x axis.
 
-        It is `position` (0 by default), or follows from `line_of_action` if that is given.
+        If `line_of_action` is given, it follows from that angle; otherwise it is `position`, which
+        is 0 by default.
         """
         if self.line_of_action is None:
             return self.position or 0.0
@@ -376,7 +378,7 @@ class Mesh:
 
     @property
     def known_damping(self):
-        """Damping in contact, N s/m; raises ValueError if it is unknown."""
+        """Damping in contact, N s/m; ValueError is raised if it is unknown."""
         return checks.require_damping(self.material_damping, f" of mesh {self.name}")
 
     @property
@@ -403,7 +405,7 @@ class HarmonicForce:
     ]
     amplitude: Annotated[Finite, described("Amplitude, N, or N m of a torque")]
     order: Annotated[
-        int, Ge(1), Le(1000), INTEGER, described("Waves in a mesh period or revolution")
+        int, Ge(1), Le(1000), INTEGER, described("Waves per mesh period or revolution")
     ]
     of: Annotated[Text, described("Name of the mesh or of the body to which the order refers")]
     axis: Annotated[
@@ -415,21 +417,21 @@ class HarmonicForce:
 
 
 def lies_in_housing(mesh: Mesh, bodies: dict) -> bool:
-    """Return whether the axes of a mesh are fixed in the housing although the train has carriers.
+    """Return whether the axes of a mesh are fixed in the housing of a train with carriers.
 
-    In such a train, positions refer to the frame that rotates with the carriers, and axes in the
-    housing move against this frame. `bodies` maps the name of every body to its `Body`.
+    In such a train, positions refer to the frame that rotates with the carriers, so that axes in
+    the housing move relative to this frame. `bodies` maps the names of all bodies to `Body`.
     """
     is_carried = bodies[mesh.pinion].carrier or bodies[mesh.wheel].carrier
     return not is_carried and any(body.carrier for body in bodies.values())
 
 
 def check_names(train: Any) -> None:
-    """Raise ValueError for repeated or unknown names in a `GearTrain`, or too many meshes.
+    """Check the names in a `GearTrain`, the number of meshes and the supports.
 
-    Names are those of bodies and meshes, and those by which shafts, forces, meshes and carried
-    bodies refer to them. With gyroscopic forces, also raise ValueError for a support whose
-    stiffness or damping differs along x and y, because it would vary in the rotating frame.
+    Raises ValueError if two bodies or two meshes have the same name, if a shaft, force, mesh or
+    body refers to an unknown name, or if there are too many meshes. With gyroscopic forces,
+    supports must be isotropic, because otherwise they would vary in the rotating frame.
     """
     for field in ("bodies", "meshes"):
         names = [element.name for element in getattr(train, field)]
@@ -440,7 +442,7 @@ def check_names(train: Any) -> None:
                 )
     if len(train.meshes) > _MAX_MESHES:
         raise ValueError(
-            f"meshes = {len(train.meshes)} meshes is not allowed: there must be at most "
+            f"the number of meshes = {len(train.meshes)} is not allowed: it must be at most "
             f"{_MAX_MESHES}"
         )
     for shaft in train.shafts:
@@ -456,29 +458,30 @@ def check_names(train: Any) -> None:
         wheel_key = f"wheel of mesh {mesh.name}"
         checks.check_choice(f"pinion of mesh {mesh.name}", mesh.pinion, train.body_names)
         checks.check_choice(wheel_key, mesh.wheel, train.body_names)
-        allowed = "another body than the pinion"
+        allowed = "a body other than the pinion"
         checks.require(mesh.pinion != mesh.wheel, wheel_key, mesh.wheel, allowed)
     for body in train.bodies:
         if body.carrier is not None:
             carrier_key = f"carrier of body {body.name}"
             checks.check_choice(carrier_key, body.carrier, train.body_names)
             valid = body.carrier != body.name and train.by_name[body.carrier].carrier is None
-            allowed = "another body, which no carrier carries"
+            allowed = "another body that is not on a carrier itself"
             checks.require(valid, carrier_key, body.carrier, allowed)
         elif train.gyroscopic:
             is_isotropic = len(set(body.support_stiffness)) == len(set(body.support_damping)) == 1
             if not is_isotropic:
                 raise ValueError(
                     f"support_stiffness of body {body.name} = {body.support_stiffness!r} is not "
-                    "allowed: it must be, as its damping, the same along x and y in a turning frame"
+                    "allowed: with gyroscopic forces, stiffness and damping of a support must be "
+                    "the same along x and y"
                 )
 
 
 def check_gears(train: Any) -> None:
     """Raise ValueError if gears of a `GearTrain` cannot mesh, rotate or be assembled.
 
-    Both gears of a mesh need teeth of the same base pitch; a ring gear needs more teeth than its
-    pinion. Gears fixed in the housing beside turning carriers need rigid supports.
+    Both gears of a mesh must have the same base pitch, and a ring gear must have more teeth than
+    its pinion. If carriers rotate, gears with axes in the housing must have rigid supports.
     """
     for mesh in train.meshes:
         pinion, wheel = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
@@ -494,12 +497,12 @@ def check_gears(train: Any) -> None:
             f"(module) of {pinion.name} in mesh {mesh.name}",
         )
         valid = not mesh.internal or wheel.teeth > pinion.teeth
-        allowed = f"more than the {pinion.teeth} of {pinion.name}, which meshes inside it"
+        allowed = f"more than the {pinion.teeth} teeth of {pinion.name}, which meshes inside it"
         checks.require(valid, f"teeth of body {wheel.name}", wheel.teeth, allowed)
         if train.carrier_ratio and lies_in_housing(mesh, train.by_name):
-            allowed = f"infinite, because carriers turn beside the axes of mesh {mesh.name}"
+            allowed = f"infinite, because carriers rotate relative to the axes of mesh {mesh.name}"
             for body in (pinion, wheel):
                 is_rigid = all(math.isinf(stiffness) for stiffness in body.support_stiffness)
                 key = f"support_stiffness of body {body.name}"
                 checks.require(is_rigid, key, body.support_stiffness, allowed)
-    train.phases  # noqa: B018 (raises ValueError if gears are locked or cannot be assembled)
+    train.phases  # noqa: B018 (raises ValueError if the train is locked or cannot be assembled)

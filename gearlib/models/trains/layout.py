@@ -1,4 +1,4 @@
-"""Positions and speeds of the gears of a train, seen along their axes."""
+"""Positions and speeds of the gears of a train in the plane normal to their axes."""
 
 import math
 from collections.abc import Iterable
@@ -14,15 +14,14 @@ from gearlib.models.trains.structure import FLOAT_ARITHMETIC
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
 
-#: Coordinates below this fraction of the largest radius are rounding errors.
-_ROUNDING = 1e-12
+#: Values below this fraction of a reference value are rounding errors.
+_ROUNDING_TOLERANCE = 1e-12
 
 
 def layout(train: "GearTrain") -> xr.Dataset:
     """Return positions, radii and speeds of the gears of a train as a dataset.
 
-    Its variables are described in `GearTrain.layout`: positions and radii of bodies, pitch points
-    of meshes, speeds, and the largest error with which loops of meshes close.
+    `GearTrain.layout` describes its variables.
     """
     pitch_radii = {}  # mesh name -> working pitch radii of pinion and wheel, negative for a ring
     for mesh in train.meshes:
@@ -30,10 +29,9 @@ def layout(train: "GearTrain") -> xr.Dataset:
         pinion_radius = train.by_name[mesh.pinion].base_radius / cosine
         wheel_radius = train.by_name[mesh.wheel].base_radius / cosine
         pitch_radii[mesh.name] = pinion_radius, -wheel_radius if mesh.internal else wheel_radius
-    joints = _joints(train, pitch_radii)
-    axes = _axes(train, joints)
-    # An axis that is reached along several paths of meshes and shafts has several positions, which
-    # should be equal.
+    joints = _find_joints(train, pitch_radii)
+    axes = _axis_positions(train, joints)
+    # In a loop of meshes and shafts, different paths to an axis should give the same position.
     closure_errors = [
         math.dist(axes[end], axes[start] + vector)
         for start in joints
@@ -48,9 +46,7 @@ def layout(train: "GearTrain") -> xr.Dataset:
         for name, radius in zip((mesh.pinion, mesh.wheel), pitch_radii[mesh.name], strict=True):
             body_radii[name] = max(body_radii[name], abs(radius))
     radii = list(body_radii.values())
-    # Speeds are in radians per radian of mesh phase, which grows by 2 pi in a period of the
-    # reference mesh. Positions are given in the frame of the first carrier, which rotates in the
-    # housing.
+    # Speeds are in radians per radian of reference mesh phase.
     frame_speed = float(train.speeds.frame)
     speeds = [float(train.speeds.in_housing[name]) for name in train.body_names]
     x, y = _round_to_zero([axes[name] for name in train.body_names], radii).T
@@ -74,30 +70,30 @@ def layout(train: "GearTrain") -> xr.Dataset:
 
 
 def _round_to_zero(values: ArrayLike, references: Iterable[float]) -> np.ndarray:
-    """Return an array of the values, with 0 in place of those that are rounding errors.
+    """Return the values as an array, with rounding errors replaced by 0.
 
-    A value counts as a rounding error if its magnitude is below 1e-12 times the largest magnitude
-    of the `references`, which are numbers of the same unit.
+    A value is a rounding error if its magnitude is below 1e-12 times the largest magnitude of
+    `references`, which have the same unit.
     """
     values = np.array(values, float)
-    return np.where(np.abs(values) < _ROUNDING * max(map(abs, references)), 0.0, values)
+    return np.where(np.abs(values) < _ROUNDING_TOLERANCE * max(map(abs, references)), 0.0, values)
 
 
 def _vector(length: float, angle: float) -> np.ndarray:
-    """Return the x and y components of a vector with a length and an angle in rad."""
+    """Return the x and y components of a vector with the given length and angle in rad."""
     return length * np.array(FLOAT_ARITHMETIC.cos_sin(angle))
 
 
-def _joints(train: "GearTrain", pitch_radii: dict[str, tuple]) -> dict[str, list]:
-    """Return the joints of each body: body name -> [(joined body, vector to its axis in m), ...].
+def _find_joints(train: "GearTrain", pitch_radii: dict[str, tuple]) -> dict[str, list]:
+    """Return the joints of each body as a dict body name -> [(joined body, vector), ...].
 
-    Meshes, shafts and carrier pins join bodies; the vector leads from the axis of the one body to
-    that of the other. `pitch_radii` maps the name of a mesh to the working pitch radii of its
-    pinion and its wheel in m; that of a ring gear is negative.
+    Bodies are joined by meshes, shafts and carrier pins. The vector, in m, leads from the axis of
+    the body to the axis of the joined body. `pitch_radii` maps mesh names to the working pitch
+    radii of pinion and wheel in m; the radius of a ring gear is negative.
     """
-    connections: list[tuple] = []  # (name of a body, name of another body, vector between them)
+    connections: list[tuple] = []  # (body, joined body, vector between their axes)
     for mesh in train.meshes:
-        # The sum of the pitch radii is the centre distance, negative in an internal mesh.
+        # The sum of the pitch radii is the centre distance; it is negative in an internal mesh.
         vector = _vector(sum(pitch_radii[str(mesh.name)]), mesh.centre_line_angle)
         connections.append((mesh.pinion, mesh.wheel, vector))
     connections += [(*shaft.bodies, np.zeros(2)) for shaft in train.shafts]
@@ -112,12 +108,12 @@ def _joints(train: "GearTrain", pitch_radii: dict[str, tuple]) -> dict[str, list
     return joints
 
 
-def _axes(train: "GearTrain", joints: dict[str, list]) -> dict[str, np.ndarray]:
-    """Return the position of the axis of each body: body name -> (x, y) in m.
+def _axis_positions(train: "GearTrain", joints: dict[str, list]) -> dict[str, np.ndarray]:
+    """Return the positions of the body axes as a dict body name -> (x, y) in m.
 
-    `joints` maps a body to the bodies joined to it, with the vectors to their axes (see `_joints`).
-    The axis of the first carrier, or of the first body without carriers, lies at the origin. Bodies
-    that no joint connects with it form a group of their own, whose first axis also lies there.
+    `joints` is the result of `_find_joints`. The origin is the axis of the first carrier or, if
+    there are no carriers, of the first body. If a group of bodies is not joined to it, the origin
+    is also the axis of the first body of this group.
     """
     axes: dict = {}
     carriers = [body.carrier for body in train.bodies if body.carrier]
@@ -135,11 +131,11 @@ def _axes(train: "GearTrain", joints: dict[str, list]) -> dict[str, np.ndarray]:
 
 
 def _shaft_lines(train: "GearTrain") -> list[int]:
-    """Return for each body the number of its shaft line, > 0, or 0 for a body without a shaft.
+    """Return the number of the shaft line of each body, or 0 for bodies without a shaft.
 
-    A shaft line is a group of bodies joined by shafts, directly or through other bodies.
+    A shaft line is a group of bodies that are joined by shafts, directly or through other bodies.
     """
-    # Each shaft gives its number to its two bodies and to all bodies on the lines that it joins.
+    # Each shaft assigns its number to its two bodies and to all bodies on the lines that it joins.
     line_numbers = dict.fromkeys(train.body_names, 0)
     for number, shaft in enumerate(train.shafts, 1):
         joined_lines = {line_numbers[name] for name in shaft.bodies} - {0}

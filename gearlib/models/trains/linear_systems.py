@@ -1,4 +1,4 @@
-"""State space of a train about its loaded state in mean stiffness, and its frequency response."""
+"""State space of a train about its loaded state with mean stiffness, and frequency response."""
 
 import math
 from typing import Any
@@ -24,8 +24,8 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
         The gears; every mesh must have a damping.
     inputs : sequence of str, optional
         Forces, "x of sun", "y of sun" (N), or torques, "rotation of sun" (N m); by default the
-        torques on all bodies. A train made by `GearTrain.from_matrices` also takes the names of its
-        coordinates.
+        torques on all bodies. A train made by `GearTrain.from_matrices` also accepts the names of
+        its coordinates.
     outputs : sequence of str, optional
         "displacement", "velocity" or "acceleration" followed by the name of an input, as in
         "acceleration x of sun" (m or rad, per s or s^2); "mesh force of sun 1" (N); "bearing force
@@ -34,7 +34,8 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
     Returns
     -------
     scipy.signal.StateSpace
-        A, B, C and D; its attributes ``input_names`` and ``output_names`` hold the names.
+        The matrices A, B, C and D. The attributes ``input_names`` and ``output_names`` are the
+        names of inputs and outputs.
 
     Raises
     ------
@@ -44,7 +45,7 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
     train = checks.require_train(model)
     structure = train.structure
     damping = total_damping(train)
-    checks.require(damping is not None, "material_damping", None, "given for every mesh")
+    checks.require(damping is not None, "material_damping", None, "given for each mesh")
     a, n = state_matrix(train, damping), len(damping)
     motion_rows = _motion_rows(train)
     if inputs is None:
@@ -61,8 +62,8 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
         quantity, _, motion = name.partition(" ")
         if name in mesh_force_names:
             j = mesh_force_names.index(name)
-            mesh, line = train.meshes[j], structure.mesh_jacobian[j]
-            c[i] = np.concatenate([mesh.mean_stiffness * line, mesh.known_damping * line])
+            mesh, row = train.meshes[j], structure.mesh_jacobian[j]
+            c[i] = np.concatenate([mesh.mean_stiffness * row, mesh.known_damping * row])
         elif name.startswith("bearing force "):
             c[i] = _bearing_force_row(train, name.removeprefix("bearing force "))
         elif quantity == "displacement" and motion in motion_rows:
@@ -73,7 +74,7 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
             c[i], d[i] = motion_rows[motion] @ a[n:], motion_rows[motion] @ b[n:]
         else:
             allowed = (
-                "displacement, velocity or acceleration and a motion, such as rotation of "
+                "displacement, velocity or acceleration followed by a motion such as rotation of "
                 f"{train.body_names[0]}, or {mesh_force_names[0]}, or a bearing force"
             )
             raise checks.InputError("outputs", name, allowed)
@@ -83,28 +84,28 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
 
 
 def _motion_rows(train: Any) -> dict[str, np.ndarray]:
-    """Return the row vectors that map the n coordinates to each motion: name -> shape (n,).
+    """Return the row vectors, shape (n,), that map the n coordinates to named motions, as a dict.
 
-    Motions are named as in "x of sun", "y of sun" (m) and "rotation of sun" (rad). A train given by
-    matrices also has its coordinates as motions, under their own names.
+    Motions are called e.g. "x of sun", "y of sun" (m) and "rotation of sun" (rad). In a train given
+    by matrices, each coordinate is also a motion under its own name.
     """
     rows = {}
     for body, motions in zip(train.bodies, train.structure.motions, strict=True):
         for axis, row in zip(AXES, motions, strict=True):
-            # The structure describes a rotation as arc length on the base circle.
+            # `motions` contains rotations as arc lengths on the base circle.
             scale = body.base_radius if axis == "rotation" else 1.0
             rows[f"{axis} of {body.name}"] = row / scale
     if train.matrices is not None:
         for name in train.matrices.coordinates:
-            rows[name] = train.matrices.motion(name)
+            rows[name] = train.matrices.coordinate_row(name)
     return rows
 
 
 def _bearing_force_row(train: Any, motion: str) -> np.ndarray:
     """Return the row vector that maps a state to the force of a body on its elastic support in N.
 
-    The state holds n coordinates and their n rates, so that the row has 2 n entries. `motion` names
-    the direction and the body, as in "x of sun". Raises ValueError if the body has no elastic
+    A state consists of n coordinates and n rates, so that the row has the shape (2 n,). `motion`
+    names the direction and the body, e.g. "x of sun". Raises ValueError if the body has no elastic
     support in this direction, is on a carrier, or belongs to a train given by matrices.
     """
     axis, _, body_name = motion.partition(" of ")
@@ -149,7 +150,7 @@ def frequency_response(system: StateSpace, frequencies: Any) -> xr.Dataset:
         state_response = np.linalg.solve(2j * math.pi * frequency * identity - system.A, system.B)
         responses.append(system.C @ state_response + system.D)
     response = np.array(responses)
-    # A state space that was not made by `state_space` has no names; numbers replace them.
+    # Inputs and outputs of other state spaces have no names, so that numbers are used.
     output_numbers = [str(i) for i in range(len(system.C))]
     input_numbers = [str(i) for i in range(system.B.shape[1])]
     dims = "frequency", "output", "input"

@@ -1,10 +1,10 @@
 """Natural modes of a train with mean mesh stiffness, and their excitation by mesh harmonics.
 
 Planetary trains, and other trains with equal branches between common gears, have structured modes:
-rotational modes (no axis of a central body moves), translational modes (no central body turns) and
-satellite modes (no central body moves); Lin & Parker, J. Vib. Acoust. 121 (1999) 316-321. The
-phases of the meshes determine which harmonics of the mesh stiffness excite which modes; Parker, J.
-Sound Vib. 236 (2000) 561-573.
+rotational modes (central bodies only rotate), translational modes (central bodies only translate)
+and planet or satellite modes (central bodies do not move); Lin & Parker, J. Vib. Acoust. 121 (1999)
+316-321. The mesh phases determine which harmonics of the mesh stiffness excite which modes; Parker,
+J. Sound Vib. 236 (2000) 561-573.
 """
 
 import math
@@ -21,33 +21,34 @@ from gearlib.models.trains.waves import stiffness_harmonic, tooth_deviation
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
 
-#: Mass-normalised motions of a body below this size count as zero.
+#: Mass-weighted motions of a body below this magnitude are treated as zero.
 _MIN_MOTION = 1e-6
 
 
 def modes(train: "GearTrain") -> xr.Dataset:
     """Return natural frequencies, mode shapes, strain energies and damping of a train.
 
-    All flanks are in contact at mean stiffness. Rigid-body motions come first, as modes with the
-    frequency 0. The dataset is described in `GearTrain.modes`.
+    All flanks are in contact at mean stiffness. The first modes are the rigid-body modes, whose
+    frequency is 0. `GearTrain.modes` describes the dataset.
     """
-    squares, shapes = train.linear_modes
-    free_count = train.free_motions.shape[1]
-    frequencies = np.concatenate([np.zeros(free_count), np.sqrt(squares)]) / math.tau
+    squared_frequencies, shapes = train.linear_modes
+    rigid_count = train.free_motions.shape[1]
+    frequencies = np.concatenate([np.zeros(rigid_count), np.sqrt(squared_frequencies)]) / math.tau
     shapes = np.concatenate([train.free_motions, shapes], axis=1)
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     mesh_count, shaft_count = len(train.meshes), len(train.shafts)
     mesh_energy = np.zeros((frequencies.size, mesh_count))
-    mesh_energy[free_count:] = train.strains[-mesh_count:].T ** 2
-    # The rows of `strains`, whose squares are shares of the strain energy, end with the meshes.
-    # Before them come three springs of each shaft: torsion, and bending along x and y.
+    mesh_energy[rigid_count:] = train.strains[-mesh_count:].T ** 2
+    # The squares of `strains` are fractions of the strain energy. The last rows belong to the
+    # meshes, and the rows before them to three springs per shaft: torsion, and bending along x
+    # and y.
     strains = train.strains[:-mesh_count]
-    energy_of_springs = strains[len(strains) - 3 * shaft_count :] ** 2
+    shaft_spring_energy = strains[len(strains) - 3 * shaft_count :] ** 2
     shaft_energy = np.zeros((frequencies.size, shaft_count))
-    shaft_energy[free_count:] = (
-        energy_of_springs.reshape(shaft_count, 3, squares.size).sum(axis=1).T
+    shaft_energy[rigid_count:] = (
+        shaft_spring_energy.reshape(shaft_count, 3, squared_frequencies.size).sum(axis=1).T
     )
-    kinds = ["rigid"] * free_count + _mode_kinds(train, motions[free_count:])
+    kinds = ["rigid"] * rigid_count + _mode_kinds(train, motions[rigid_count:])
     mode_shapes = motions / _largest_motions(motions)[:, None, None]
     dataset = xr.Dataset(
         {
@@ -71,32 +72,28 @@ def modes(train: "GearTrain") -> xr.Dataset:
 def total_damping(train: "GearTrain") -> np.ndarray | None:
     """Return the damping matrix with all flanks in contact, N s/m, shape (n, n).
 
-    It is the sum over supports, shafts and meshes. Returns None if the damping of a mesh is
-    unknown.
+    It includes supports, shafts and meshes. Returns None if the damping of a mesh is unknown.
     """
     damping = train.structure.damping.copy()
-    for line, mesh in zip(train.structure.mesh_jacobian, train.meshes, strict=True):
+    for mesh_row, mesh in zip(train.structure.mesh_jacobian, train.meshes, strict=True):
         if mesh.material_damping is None:
             return None
-        damping += mesh.material_damping * np.outer(line, line)
+        damping += mesh.material_damping * np.outer(mesh_row, mesh_row)
     return damping
 
 
 def mean_stiffness_matrix(train: "GearTrain") -> np.ndarray:
-    """Return the stiffness matrix of a train with all flanks in contact at mean stiffness, N/m.
-
-    The shape is (n, n) for n coordinates.
-    """
-    lines = train.structure.mesh_jacobian
+    """Return the stiffness matrix with all flanks in contact at mean stiffness, N/m, (n, n)."""
+    jacobian = train.structure.mesh_jacobian
     mean_stiffnesses = [mesh.mean_stiffness for mesh in train.meshes]
-    return train.structure.stiffness + (lines.T * mean_stiffnesses) @ lines
+    return train.structure.stiffness + (jacobian.T * mean_stiffnesses) @ jacobian
 
 
 def state_matrix(train: "GearTrain", damping: np.ndarray) -> np.ndarray:
-    """Return the matrix A of x' = A x for all flanks in contact at mean stiffness, (2 n, 2 n).
+    """Return the state matrix A of x' = A x, with all flanks in contact at mean stiffness.
 
-    A state x holds the n coordinates in m, then their rates in m/s. `damping`, (n, n), is a result
-    of `total_damping` in N s/m.
+    The state x consists of the n coordinates in m and their rates in m/s; A has the shape
+    (2 n, 2 n). `damping`, shape (n, n), is the result of `total_damping` in N s/m.
     """
     inverse_mass, n = np.linalg.inv(train.structure.mass), len(damping)
     matrix = np.zeros((2 * n, 2 * n))
@@ -107,10 +104,10 @@ def state_matrix(train: "GearTrain", damping: np.ndarray) -> np.ndarray:
 
 
 def _damped_modes(train: "GearTrain", frequencies: np.ndarray, shapes: np.ndarray) -> dict:
-    """Return modal damping ratios and complex modes as variables: name -> (dims, values).
+    """Return modal damping ratios and complex modes as dataset variables, name -> (dims, values).
 
-    The complex modes are eigenvectors of the damped train with n coordinates. `frequencies`, (p,),
-    are the undamped natural frequencies in Hz, and `shapes`, (n, p), the mass-normalised mode
+    The complex modes are eigenvectors of the damped train. `frequencies`, shape (p,), are the
+    undamped natural frequencies in Hz, and `shapes`, shape (n, p), are the mass-normalised mode
     shapes. The dict is empty if the train has no damping, or if the damping of a mesh is unknown.
     """
     damping = total_damping(train)
@@ -118,17 +115,19 @@ def _damped_modes(train: "GearTrain", frequencies: np.ndarray, shapes: np.ndarra
         return {}
     omega = math.tau * frequencies
     modal_damping = np.einsum("np,nk,kp->p", shapes, damping, shapes)
-    # Rigid-body motions (frequency 0) have no damping ratio.
+    # The damping ratio of rigid-body modes (frequency 0) is undefined.
     ratios = np.full(omega.size, np.nan)
     np.divide(modal_damping, 2.0 * omega, out=ratios, where=omega > 0.0)
     values, vectors = np.linalg.eig(state_matrix(train, damping))
-    # Keep one of each pair of complex conjugates, in the order of the frequencies.
+    # Keep one eigenvalue of each complex conjugate pair, in the order of the frequencies.
     order = [i for i in np.argsort(np.abs(values)) if values[i].imag > 1e-9 * abs(values[i])]
-    motions = np.einsum("bkn,np->pbk", train.structure.motions, vectors[: len(damping), order])
+    coordinates = vectors[: len(damping), order]
+    motions = np.einsum("bkn,np->pbk", train.structure.motions, coordinates)
     if order:
-        # Scale each mode so that its largest motion is 1 and real.
-        flat = motions.reshape(len(order), -1)
-        largest = flat[np.arange(len(order)), np.abs(flat).argmax(axis=1)]
+        # Normalise each mode so that its largest motion is 1 and real.
+        flat_motions = motions.reshape(len(order), -1)
+        largest_indices = np.abs(flat_motions).argmax(axis=1)
+        largest = flat_motions[np.arange(len(order)), largest_indices]
         motions = motions / np.where(largest == 0.0, 1.0, largest).reshape(-1, 1, 1)
     dims = "complex_mode", "body", "axis"
     return {
@@ -141,23 +140,23 @@ def _damped_modes(train: "GearTrain", frequencies: np.ndarray, shapes: np.ndarra
 
 
 def _largest_motions(motions: np.ndarray) -> np.ndarray:
-    """Return the largest magnitude of all body motions in each of p modes, shape (p,).
+    """Return the largest magnitude of the body motions in each of p modes, shape (p,).
 
     `motions`, shape (p, bodies, 3), are the motions of the bodies along x, along y and in rotation.
-    The result is 1 for a mode that moves no body, as in trains given by matrices, so that it can be
-    a divisor.
+    To avoid divisions by 0, the result is 1 for modes that move no body, which exist in trains
+    given by matrices.
     """
     largest = np.abs(motions).max(axis=(1, 2), initial=0.0)
     return np.where(largest > 0.0, largest, 1.0)
 
 
 def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
-    """Classify each elastic mode by the motions of the central bodies of a train.
+    """Classify the elastic modes of a train by the motions of its central bodies.
 
     Central bodies are carriers and gears with several meshes. A mode is "rotational" if they only
-    turn, "translational" if only their axes move, "satellite" (a planet mode) if they do not move,
-    and "other" if they do both or there are none. `motions`, shape (p, b, 3), are the
-    mass-normalised motions of b bodies along x, along y and in rotation in p modes.
+    rotate, "translational" if they only translate, "satellite" (a planet mode) if they do not move,
+    and "other" if they do both or if there are none. `motions`, shape (p, b, 3), are the motions of
+    b bodies along x, along y and in rotation in p mass-normalised modes.
     """
     central_names = {body.carrier for body in train.bodies}
     central_names |= {name for _, name in mesh_groups(train)}
@@ -168,7 +167,7 @@ def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
     for body in train.bodies:
         mass = body.mass or 0.0
         masses.append((mass, mass, body.inertia / body.base_radius**2))
-    # With weights by mass, one threshold suits all trains.
+    # Motions are weighted by mass, so that one threshold suits all trains.
     largest = (np.abs(motions) * np.sqrt(masses))[:, is_central].max(axis=1, initial=0.0)
     kinds = []
     for x, y, rotation in largest.tolist():
@@ -182,21 +181,20 @@ def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
 
 
 def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
-    """Return the critical speeds of a train, at which a mesh harmonic meets a natural frequency.
+    """Return the critical speeds, at which a mesh harmonic coincides with a natural frequency.
 
-    `count` is the number of harmonics of each mesh frequency. The dataset is described in
-    `GearTrain.campbell`.
+    `count` is the number of harmonics of each mesh frequency. `GearTrain.campbell` describes the
+    dataset.
     """
-    # Orders are frequencies of harmonics over the frequency of the reference mesh.
+    # An order is the frequency of a harmonic divided by the frequency of the reference mesh.
     orders = sorted({n * ratio for ratio in train.frequency_ratios for n in range(1, count + 1)})
-    # Keep orders that the stiffness does not excite, because deviations may excite them.
+    # Include orders that the stiffness does not excite, because deviations may excite them.
     data = phasing(train, math.ceil(orders[-1])).reindex(
         stiffness_order=[float(order) for order in orders],
         fill_value={"modal_force": 0.0, "phase_sum": 0.0, "excites": False},
     )
     reference_frequency = train.reference_angular_frequency / (2.0 * math.pi)
-    # The tuning is the mesh frequency over the reference natural frequency. At a critical tuning,
-    # the frequency of an order equals a natural frequency.
+    # The tuning is the mesh frequency over the reference natural frequency.
     critical_tuning = data.natural_frequency / reference_frequency / data.stiffness_order
     data["critical_speed"] = train.speed(critical_tuning).transpose("stiffness_order", "mode")
     data.attrs["title"] = "Campbell diagram of a gear train"
@@ -206,19 +204,19 @@ def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
 def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
     """Return the modal forces by which harmonics of the mesh frequencies excite the modes.
 
-    The phases of the meshes decide whether their forces add up or cancel. `count` is the highest
-    order of the harmonics, relative to the frequency of the reference mesh. The dataset is
-    described in `GearTrain.phasing`.
+    The mesh phases determine whether the forces of the meshes add up or cancel. `count` is the
+    highest order of the harmonics, relative to the frequency of the reference mesh.
+    `GearTrain.phasing` describes the dataset.
     """
-    squares, shapes = train.linear_modes
+    squared_frequencies, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
-    mesh_forces: dict = {}  # order -> complex modal forces of the meshes, each of shape (p,)
+    mesh_forces: dict = {}  # order -> list of complex modal forces of the meshes, shape (p,)
     displacements = train.modal_mesh_displacements, train.static_mesh_displacements
     for mesh, ratio, side, modal_displacements, static_displacement in zip(
         train.meshes, train.frequency_ratios, train.loaded_sides, *displacements, strict=True
     ):
         # The teeth on the loaded side, 0 (coast) or 1 (drive), excite the modes by their varying
-        # stiffness, or by their transmission error `table`: rows (order, cosine, sine).
+        # stiffness and by their transmission error, with rows (order, cosine, sine) in `table`.
         phase, table = tooth_deviation(train, mesh, 0 if side == COAST else 1)
         for order in range(1, math.floor(count / ratio) + 1):
             has_deviation = order <= len(table)
@@ -233,14 +231,14 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
                 force += mesh.mean_stiffness * amplitude * rotation
             mesh_forces.setdefault(order * ratio, []).append(force * modal_displacements)
     orders = sorted(mesh_forces)
-    shape = len(orders), squares.size
-    total = np.reshape([np.abs(np.sum(mesh_forces[order], axis=0)) for order in orders], shape)
-    # The modal force if all meshes acted in phase.
-    in_phase = np.reshape([np.sum(np.abs(mesh_forces[order]), axis=0) for order in orders], shape)
-    # A mode without deflection in the meshes of an order is not excited.
-    is_deflected = in_phase > 1e-9 * in_phase.max(initial=0.0)
-    phase_sum = np.where(is_deflected, total / np.where(is_deflected, in_phase, 1.0), 0.0)
-    modal_force = np.where(is_deflected, total, 0.0) / _largest_motions(motions)
+    shape = len(orders), squared_frequencies.size
+    forces = np.reshape([np.abs(np.sum(mesh_forces[order], axis=0)) for order in orders], shape)
+    # These would be the modal forces if all meshes acted in phase.
+    max_forces = np.reshape([np.sum(np.abs(mesh_forces[order]), axis=0) for order in orders], shape)
+    # Modes without mesh deflections are not excited.
+    is_deflected = max_forces > 1e-9 * max_forces.max(initial=0.0)
+    phase_sum = np.where(is_deflected, forces / np.where(is_deflected, max_forces, 1.0), 0.0)
+    modal_force = np.where(is_deflected, forces, 0.0) / _largest_motions(motions)
     elastic_modes = modes(train).isel(mode=slice(train.free_motions.shape[1], None))
     dims = "stiffness_order", "mode"
     dataset = xr.Dataset(

@@ -1,4 +1,4 @@
-"""Planetary trains from numbers, `planetary`, or from gear geometries, `planetary_set`."""
+"""Planetary trains with given parameters, `planetary`, or gear geometries, `planetary_set`."""
 
 import dataclasses
 import math
@@ -67,23 +67,27 @@ Supports = Annotated[
     Values(4),
     described("Stiffness of the supports of sun, ring, carrier and planets"),
 ]
-Twists = Annotated[
+TorsionalSupports = Annotated[
     tuple[Support, ...],
     Values(3),
     described("Tangential stiffness of the supports of sun, ring and carrier at their base radius"),
 ]
-Turning = Annotated[
+CarrierRotates = Annotated[
     Boolean,
-    described("Whether the carrier turns and the ring stands, which determines the speed in rpm"),
+    described(
+        "Whether the carrier rotates and the ring is fixed, which determines the speed in rpm"
+    ),
 ]
-Driving = Annotated[
+DrivingGear = Annotated[
     Literal["sun", "ring"],
     CHOICE,
-    described('Gear that drives, seen from the carrier; "ring" also if the carrier drives the sun'),
+    described(
+        'Driving gear in the frame of the carrier; "ring" also if the carrier drives the sun'
+    ),
 ]
 Gyroscopic = Annotated[
     Boolean,
-    described("Whether Coriolis and centrifugal forces of the turning carrier act on moving axes"),
+    described("Whether Coriolis and centrifugal forces of the rotating carrier act on moving axes"),
 ]
 
 
@@ -116,7 +120,7 @@ def planetary(
         WorkingAngle, described("Working pressure angle of sun meshes; that of ring meshes follows")
     ] = _PRESSURE_ANGLE,
     support_stiffness: Supports = (1e8, 1e8, 1e8, 1e8),
-    torsional_stiffness: Twists = (0.0, 1e9, 0.0),
+    torsional_stiffness: TorsionalSupports = (0.0, 1e9, 0.0),
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
     mean_stiffness: Annotated[
         tuple[Stiffness, ...], Values(2), described("Mean stiffness of sun and ring meshes")
@@ -139,8 +143,8 @@ def planetary(
         Finite | None, described("Phase of the first ring mesh; by default from the planets' teeth")
     ] = None,
     pin_errors: PinErrors = None,
-    turning: Turning = False,
-    driving: Driving = "sun",
+    turning: CarrierRotates = False,
+    driving: DrivingGear = "sun",
     gyroscopic: Gyroscopic = False,
     **options,
 ):
@@ -149,7 +153,7 @@ def planetary(
     The defaults are the example of Lin and Parker, J. Vib. Acoust. 121 (1999) 316-321, except for
     mesh data other than the mean stiffness. Bodies are called ``sun``, ``ring``, ``carrier``,
     ``planet 1``, ..., meshes ``sun 1``, ..., ``ring 1``, .... The torque on the sun is
-    counterclockwise; torques on ring and carrier balance it where these can rotate freely. Other
+    counterclockwise; torques on ring and carrier balance it if they can rotate freely. Other
     options are passed to `GearTrain`.
 
     Raises
@@ -159,13 +163,13 @@ def planetary(
     """
     n = planets
     sun_teeth, ring_teeth = teeth
-    planet_teeth = _planet_teeth(teeth, planet_teeth)
+    planet_teeth = _check_planet_teeth(teeth, planet_teeth)
     positions = (
         equally_spaced_positions(sun_teeth, ring_teeth, n) if positions is None else positions
     )
     positions = checks.check_sequence("positions", positions, n)
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
-    errors = checks.check_sequence("pin_errors", pin_errors, n)
+    offsets = checks.check_sequence("pin_errors", pin_errors, n)
     pin_radius, pressure_angles = _pin_radius_and_pressure_angles(
         sun_base_radius, teeth, planet_teeth, pressure_angle
     )
@@ -182,14 +186,14 @@ def planetary(
     torques = [sun_torque, ring_torque, carrier_torque, 0.0]
 
     def body(kind: str, teeth: int | None, name: str | None = None, **fields: Any) -> Body:
-        """Return the `Body` of a kind of gear: "sun", "ring", "carrier" or "planet".
+        """Create the `Body` of a kind: "sun", "ring", "carrier" or "planet".
 
-        `teeth` is None for the carrier; `name` is the kind by default; `fields` are other fields of
-        `Body`.
+        `teeth` is None for the carrier; the default of `name` is the kind; `fields` are further
+        fields of `Body`.
         """
         i = ("sun", "ring", "carrier", "planet").index(kind)
         stiffness = torsional_stiffness[i]
-        # The torsional support of a fixed ring or carrier carries its torque.
+        # The torque of a fixed ring or carrier acts on its torsional support instead of the body.
         is_fixed = kind in ("ring", "carrier") and stiffness > 0.0
         return Body(
             name=name or kind,
@@ -207,8 +211,8 @@ def planetary(
 
     bodies = [body("sun", sun_teeth), body("ring", ring_teeth), body("carrier", None)]
     for i, angle in enumerate(positions):
-        place = {"carrier": "carrier", "angle": angle, "offset": errors[i]}
-        bodies.append(body("planet", planet_teeth, f"planet {i + 1}", **place))
+        pin = {"carrier": "carrier", "angle": angle, "offset": offsets[i]}
+        bodies.append(body("planet", planet_teeth, f"planet {i + 1}", **pin))
     meshes = []
     for k, central_gear in enumerate(("sun", "ring")):
         is_ring = central_gear == "ring"
@@ -246,20 +250,20 @@ def planetary(
     )
 
 
-def _planet_teeth(teeth: tuple[int, int], planet_teeth: int | None) -> int:
-    """Return the checked number of teeth of a planet.
+def _check_planet_teeth(teeth: tuple[int, int], planet_teeth: int | None) -> int:
+    """Check and return the number of teeth of a planet.
 
-    `teeth` are the tooth numbers of (sun, ring). If `planet_teeth` is None, the result is half the
-    difference of ring and sun, with which the planets fit exactly; it must be an integer. Raises
-    ValueError for an impossible number.
+    `teeth` are the tooth numbers of (sun, ring). If `planet_teeth` is None, the default is half the
+    difference of the tooth numbers of ring and sun, which must be an integer. Raises ValueError for
+    an impossible number.
     """
     sun_teeth, ring_teeth = teeth
     if planet_teeth is None:
         difference = ring_teeth - sun_teeth
         if difference <= 0 or difference % 2:
             raise ValueError(
-                f"teeth = {teeth!r} is not allowed: the ring must have an even number of teeth "
-                "more than the sun, unless planet_teeth is given"
+                f"teeth = {teeth!r} is not allowed: the ring must have more teeth than the sun by "
+                "an even number, unless planet_teeth is given"
             )
         planet_teeth = difference // 2
     allowed = f"an integer from 3 to {ring_teeth - 1}"
@@ -272,8 +276,8 @@ def _pin_radius_and_pressure_angles(sun_base_radius, teeth, planet_teeth, pressu
 
     The pin radius of the carrier, in m, is the centre distance of sun and planet. `sun_base_radius`
     is in m, `teeth` are the tooth numbers of (sun, ring), and `pressure_angle` is the working
-    pressure angle of the sun meshes. Angles are in rad. Raises ValueError if the planets do not fit
-    into the ring.
+    pressure angle of the sun meshes. All angles are in rad. Raises ValueError if the planets do not
+    fit into the ring.
     """
     sun_teeth, ring_teeth = teeth
     planet_base_radius = sun_base_radius * planet_teeth / sun_teeth
@@ -285,19 +289,18 @@ def _pin_radius_and_pressure_angles(sun_base_radius, teeth, planet_teeth, pressu
             f"planet_teeth = {planet_teeth!r} is not allowed: at this pressure_angle the planets "
             "must fit into the ring, where the pressure angle must be from 0 to 45 degrees"
         )
-    # If a planet has half the difference of the tooth numbers, both angles are equal; the arc
-    # cosine would round.
-    is_equal = planet_teeth * 2 == ring_teeth - sun_teeth
-    ring_pressure_angle = pressure_angle if is_equal else math.acos(ring_cosine)
+    ring_pressure_angle = math.acos(ring_cosine)
+    if planet_teeth * 2 == ring_teeth - sun_teeth:
+        ring_pressure_angle = pressure_angle  # exact, whereas the arc cosine is rounded
     return pin_radius, (pressure_angle, ring_pressure_angle)
 
 
 @declared()
 class ParallelStage:
-    """A pair of gears on fixed axes, one of which is on a shaft of a planetary set; immutable.
+    """A gear pair on fixed axes, one gear of which is on a shaft of a planetary set; immutable.
 
-    The body at the other end of the shaft loses its torque. Instead, a torque with the same power
-    acts on the gear that is not on the shaft.
+    The torque of the body at the other end of the shaft is set to 0. Instead, a torque with the
+    same power acts on the gear that is not on the shaft.
     """
 
     stage: Annotated[GearStage, described("The two gears")]
@@ -309,31 +312,33 @@ class ParallelStage:
         Literal["pinion", "wheel"], CHOICE, described("Gear of the stage that is on the shaft")
     ] = "pinion"
     position: Annotated[
-        Angle, described("Angle of the line from the axis of the pinion to that of the wheel")
+        Angle, described("Angle of the line from the axis of the pinion to the axis of the wheel")
     ] = 0.0
 
     def elements(
         self, number: int, bodies: dict[str, Body], structural_damping: float, options: dict
     ) -> tuple[dict[str, Body], Mesh, Shaft]:
-        """Return (bodies, mesh, shaft) that the stage adds to a planetary train.
+        """Return the elements (bodies, mesh, shaft) that the stage adds to a planetary train.
 
-        The bodies, by name, are the two gears and the body at the other end of the shaft, which
-        loses its torque; the gear that is not on the shaft gets a torque with the same power.
-        `number` is the number of the stage, from 1, and `bodies` maps names to the bodies of the
-        train so far. `structural_damping` is the ratio of damping to stiffness of the shaft in s.
-        `options` are arguments of `Mesh.from_geometry`, such as damping_ratio.
+        The new bodies, a dict by name, are the two gears and a copy of the body at the other end of
+        the shaft without its torque. `number` is the number of the stage, from 1, and `bodies` maps
+        names to the existing bodies of the train. `structural_damping` is the ratio of damping to
+        stiffness of the shaft in s. `options` are arguments of `Mesh.from_geometry`, such as
+        damping_ratio.
         """
         key = f"stages[{number - 1}].on"
         checks.check_choice(key, self.on, list(bodies))
         torque = bodies[self.on].torque
-        allowed = "a body with a torque, which the stage takes over"
+        allowed = "a body with a torque, which is transferred to the stage"
         checks.require(torque != 0.0, key, self.on, allowed)
         pinion, wheel = self.stage.pinion, self.stage.wheel
         names = {"pinion": f"pinion {number}", "wheel": f"wheel {number}"}
         sign = 1 if wheel.internal else -1
-        speed_ratio = sign * pinion.teeth / wheel.teeth  # of the wheel to the pinion
-        # Both gears transmit the same power. The torque of the shaft on its gear is opposite to the
-        # torque on the body.
+        speed_ratio = (
+            sign * pinion.teeth / wheel.teeth
+        )  # speed of the wheel over speed of the pinion
+        # Both gears transmit the same power. The reaction of the shaft on its gear is opposite to
+        # the torque of the body.
         if self.gear == "pinion":
             free_gear = "wheel"
             torques = {"pinion": -torque, "wheel": torque / speed_ratio}
@@ -341,13 +346,14 @@ class ParallelStage:
             free_gear = "pinion"
             torques = {"wheel": -torque, "pinion": torque / (1 / speed_ratio)}
         direction_torque = torques["wheel"] if wheel.internal else torques["pinion"]
-        changed = {
+        new_bodies = {
             self.on: dataclasses.replace(bodies[self.on], torque=0.0),
             names["pinion"]: Body.from_gear(pinion, names["pinion"]),
             names["wheel"]: Body.from_gear(wheel, names["wheel"]),
         }
         free_name = names[free_gear]
-        changed[free_name] = dataclasses.replace(changed[free_name], torque=torques[free_gear])
+        free_body = new_bodies[free_name]
+        new_bodies[free_name] = dataclasses.replace(free_body, torque=torques[free_gear])
         mesh = Mesh.from_geometry(
             self.stage,
             names["pinion"],
@@ -358,9 +364,12 @@ class ParallelStage:
             direction=1 if direction_torque > 0.0 else -1,
             **options,
         )
-        ends = self.on, names[self.gear]
-        damping = proportional_damping(self.shaft_stiffness, structural_damping)
-        return changed, mesh, Shaft(bodies=ends, stiffness=self.shaft_stiffness, damping=damping)
+        shaft = Shaft(
+            bodies=(self.on, names[self.gear]),
+            stiffness=self.shaft_stiffness,
+            damping=proportional_damping(self.shaft_stiffness, structural_damping),
+        )
+        return new_bodies, mesh, shaft
 
 
 @checked
@@ -372,15 +381,17 @@ def planetary_set(
     torque: Annotated[
         Torque,
         described(
-            "Torque on the sun, negative on the coast sides; the torques on ring and carrier, if "
-            "they turn, balance it"
+            "Torque on the sun, negative to load the coast sides; the torques on ring and carrier, "
+            "if they rotate, balance it"
         ),
     ],
     planets: Planets = 3,
     positions: Positions = None,
     centre_distance: Annotated[
         Diameter | None,
-        described("Centre distance; by default that of sun and planet without backlash"),
+        described(
+            "Centre distance; by default the centre distance of sun and planet without backlash"
+        ),
     ] = None,
     backlashes: Annotated[
         tuple[RunOut, ...] | None,
@@ -388,17 +399,17 @@ def planetary_set(
         described("Normal backlash of sun and ring meshes; by default it follows from the gears"),
     ] = None,
     carrier_mass: Annotated[
-        Mass | None, described("Mass of the carrier without planets; by default that of a disc")
+        Mass | None, described("Mass of the carrier without planets; by default the mass of a disc")
     ] = None,
     carrier_inertia: Annotated[
         Inertia | None,
         described(
-            "Inertia of the carrier without planets; by default that of a disc with the material "
-            "and width of a planet and the radius of the pins"
+            "Inertia of the carrier without planets; by default the inertia of a disc with the "
+            "material and width of a planet and the radius of the pins"
         ),
     ] = None,
     support_stiffness: Supports = (math.inf,) * 4,
-    torsional_stiffness: Twists = (0.0, math.inf, 0.0),
+    torsional_stiffness: TorsionalSupports = (0.0, math.inf, 0.0),
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
     damping_ratio: DampingRatio = None,
     logarithmic_decrement: Decrement = None,
@@ -408,14 +419,15 @@ def planetary_set(
         Literal["teeth", "rectangle"],
         CHOICE,
         described(
-            "Mean stiffness excited by the transmission error of loaded teeth, or two levels"
+            "Mean stiffness excited by the transmission error of loaded teeth, or two stiffness "
+            "levels"
         ),
     ] = "teeth",
     stiffness=None,
     options=None,
     pin_errors: PinErrors = None,
-    turning: Turning = True,
-    driving: Driving = "sun",
+    turning: CarrierRotates = True,
+    driving: DrivingGear = "sun",
     gyroscopic: Gyroscopic = False,
     stages: Annotated[
         tuple[ParallelStage, ...],
@@ -449,7 +461,7 @@ def planetary_set(
     )
     n = len(set_meshes.positions)
     pin_radius = float(set_meshes.sun_mesh.centre_distance)
-    # By default the carrier is a disc.
+    # The default carrier is a disc.
     disc_mass = math.pi * pin_radius**2 * planet.width * planet.material.density
     if carrier_mass is None:
         carrier_mass = disc_mass
@@ -459,7 +471,7 @@ def planetary_set(
         gear.inertia / (gear.base_diameter / 2.0) ** 2 for gear in (sun, ring, planet)
     ]
     reduced_inertias.insert(2, carrier_inertia / pin_radius**2)
-    # All sun meshes carry equal parts of the torque, and a ring mesh the force of a sun mesh.
+    # All sun meshes carry equal parts of the torque, and each ring mesh carries the same force.
     sun_torque = torque / n
     planet_torque = sun_torque * planet.teeth / sun.teeth
     mesh_options = {
@@ -499,12 +511,10 @@ def planetary_set(
     ]
     bodies = {body.name: body for body in train.bodies}
     shafts = []
-    del mesh_options["load_argument"]
+    del mesh_options["load_argument"]  # It is used only for errors in the argument `torque`.
     for number, stage in enumerate(stages, 1):
-        changed_bodies, mesh, shaft = stage.elements(
-            number, bodies, structural_damping, mesh_options
-        )
-        bodies |= changed_bodies
+        new_bodies, mesh, shaft = stage.elements(number, bodies, structural_damping, mesh_options)
+        bodies |= new_bodies
         meshes.append(mesh)
         shafts.append(shaft)
     return dataclasses.replace(

@@ -1,18 +1,18 @@
 """Trains with equal meshes: an idler train, two stages, and the reducer of the paper.
 
-By default, the gears of a stage have I / r^2 in proportion to z^2, as discs of equal width have,
-scaled so that the first mesh has the reduced mass of the pair.
+By default, the reduced inertias I / r^2 of a stage are proportional to z^2, as for discs of equal
+width, and scaled so that the first mesh has the reduced mass of the pair.
 
 Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104, Fig. 1 a, mention a pseudoplanetary
-reducer with three double satellites and split power flow, but print only the numbers of one mesh.
-All other numbers are choices:
+reducer with three double satellites and split power flow, but give only the parameters of one mesh.
+All other parameters are choices:
 
-* teeth 24 : 36 in the first stage, 24 : 36 (external) or 24 : 84 (internal second central gear) in
-  the second stage, all with a module of 4 mm: equal centre distances, branches in phase, and three
-  periods of the first mesh to two of the second;
+* tooth numbers 24 : 36 in the first stage and 24 : 36 (external) or 24 : 84 (ring gear) in the
+  second stage, with a module of 4 mm. The centre distances are equal, the branches are in phase,
+  and three periods of the first mesh are two periods of the second;
 * the load of the pair on each mesh of the first stage, and masses of 2 I / r^2, as for discs;
-* shafts of 1e6 N m/rad: steel of 60 mm diameter and 100 mm length;
-* bearings of 1e9 N/m for all gears, about three times as stiff as a mesh.
+* shafts of 1e6 N m/rad, as of steel with a diameter of 60 mm and a length of 100 mm;
+* bearings of 1e9 N/m for all gears, about three times the stiffness of a mesh.
 """
 
 import math
@@ -44,16 +44,18 @@ STRUCTURAL_DAMPING = 1e-6
 #: Default working pressure angle, rad.
 PRESSURE_ANGLE = math.radians(20.0)
 _INERTIA_DESCRIPTION = (
-    "Moment of inertia of each gear over its squared base radius; by default in proportion to the "
+    "Moment of inertia of each gear over its squared base radius; by default proportional to the "
     "squared number of teeth"
 )
-_MASS_DESCRIPTION = "Mass of each gear; by default that of a disc with its inertia"
+_MASS_DESCRIPTION = "Mass of each gear; by default the mass of a disc with this inertia"
 
 StructuralDamping = Annotated[
     Time, described("Ratio of damping to stiffness for supports and shafts")
 ]
-AxisStiffness = Annotated[Support, described("Stiffness of the support of each gear along x and y")]
-ShaftTwist = Annotated[ShaftStiffness, described("Torsional stiffness of each shaft")]
+SupportStiffness = Annotated[
+    Support, described("Stiffness of the support of each gear along x and y")
+]
+TorsionalShaftStiffness = Annotated[ShaftStiffness, described("Torsional stiffness of each shaft")]
 Modules = Annotated[
     tuple[Module, ...], Values(2), described("Modules of the first and the second stage")
 ]
@@ -62,20 +64,20 @@ PinErrors = Annotated[
     Values(),
     described("Radial and tangential offsets of the axes of the planets or satellites by assembly"),
 ]
-FourReduced = Annotated[tuple[Mass, ...] | None, Values(4), described(_INERTIA_DESCRIPTION)]
+FourReducedInertias = Annotated[tuple[Mass, ...] | None, Values(4), described(_INERTIA_DESCRIPTION)]
 FourMasses = Annotated[tuple[Mass, ...] | None, Values(4), described(_MASS_DESCRIPTION)]
 
 
 def create_train(**fields: Any) -> Any:
-    """Return a `GearTrain` with the given fields, such as bodies, meshes and shafts."""
-    # Imported here, since reading the configuration needs the signatures but no train.
+    """Create a `GearTrain` from its fields, such as bodies, meshes and shafts."""
+    # Imported here, because reading a configuration needs only the signatures in this module.
     from gearlib.models.trains.train import GearTrain
 
     return GearTrain(**fields)
 
 
 def proportional_damping(stiffness: float, structural_damping: float) -> float:
-    """Return the damping of a spring in proportion to its stiffness, or 0 if it is rigid.
+    """Return the stiffness-proportional damping of a spring, or 0 if the spring is rigid.
 
     `stiffness` is in N/m or N m/rad, infinite for a rigid support, and `structural_damping` is the
     ratio of damping to stiffness in s. The result is in N s/m or N m s/rad.
@@ -84,16 +86,16 @@ def proportional_damping(stiffness: float, structural_damping: float) -> float:
 
 
 class _GearSet:
-    """Gears of a train on equal supports; all meshes have the values of the same `GearPair`."""
+    """Gears on equal supports whose meshes all have the parameters of one `GearPair`."""
 
     def __init__(self, pair, stages, modules, pressure_angle, inertias, masses, support):
-        """Compute reduced inertias I / r^2, masses and base radii r of the gears.
+        """Compute the reduced inertias I / r^2, masses and base radii r of the gears.
 
-        `pair` is the `GearPair` whose values all meshes get. `stages` lists the tooth numbers of
-        the gears of each stage; `modules` (m), reduced `inertias` (kg) and `masses` (kg) are
-        sequences over all gears in the same order. Without inertias and masses the gears are discs.
-        `pressure_angle` is in rad. `support` is the pair (stiffness of the supports in N/m, ratio
-        of damping to stiffness in s).
+        `pair` is the `GearPair` with the parameters of all meshes. `stages` lists the tooth numbers
+        of the gears of each stage; `modules` (m), reduced `inertias` (kg) and `masses` (kg) are
+        sequences over all gears in the same order. If inertias or masses are None, the gears are
+        discs. `pressure_angle` is in rad. `support` is the pair (stiffness of the supports in N/m,
+        ratio of damping to stiffness in s).
         """
         from gearlib.models.pair import GearPair
 
@@ -107,11 +109,12 @@ class _GearSet:
         else:
             self.reduced_inertias = []
             for stage in stages:
-                # I / r^2 of discs; the first two gears have the reduced mass of the pair.
-                sum_of_squares = 1.0 / stage[0] ** 2 + 1.0 / stage[1] ** 2
-                inertia_per_tooth_squared = pair.reduced_mass * sum_of_squares
-                self.reduced_inertias += [inertia_per_tooth_squared * z**2 for z in stage]
-        # A disc of the radius r has I = m r^2 / 2, so that its mass is 2 I / r^2.
+                # For discs I / r^2 is proportional to z^2. The reduced mass of the first two gears
+                # is the reduced mass of the pair.
+                inverse_sum = 1.0 / stage[0] ** 2 + 1.0 / stage[1] ** 2
+                factor = pair.reduced_mass * inverse_sum
+                self.reduced_inertias += [factor * z**2 for z in stage]
+        # The inertia of a disc is I = m r^2 / 2, so that its mass is 2 I / r^2.
         self.masses = masses or [2.0 * inertia for inertia in self.reduced_inertias]
         self.base_radii = [
             module * z / 2.0 * math.cos(pressure_angle)
@@ -119,10 +122,10 @@ class _GearSet:
         ]
 
     def body(self, i: int, name: str, force: float = 0.0, **fields: Any) -> Body:
-        """Return gear number i of the set as a `Body` called `name`.
+        """Create the `Body` called `name` for the gear with the index `i`.
 
-        `force` is a tangential force on its base circle in N; a positive force turns the gear
-        counterclockwise. `fields` are further fields of `Body`.
+        `force` is the tangential force on its base circle in N, positive counterclockwise. `fields`
+        are further fields of `Body`.
         """
         return Body(
             name=name,
@@ -137,9 +140,9 @@ class _GearSet:
         )
 
     def mesh(self, pinion: str, wheel: str, **fields: Any) -> Mesh:
-        """Return the `Mesh` of two gears with the stiffness, damping and backlash of the pair.
+        """Create the `Mesh` of two gears with the stiffness, damping and backlash of the pair.
 
-        `pinion` and `wheel` are names of bodies; `fields` are fields of `Mesh`, which override the
+        `pinion` and `wheel` are names of bodies; `fields` are fields of `Mesh` that override the
         values of the pair.
         """
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
@@ -149,7 +152,7 @@ class _GearSet:
         return Mesh(pinion=pinion, wheel=wheel, **(pair_fields | fields))
 
     def shaft(self, body_1: str, body_2: str, stiffness: float) -> Shaft:
-        """Return a `Shaft` between two bodies, by name, with a torsional stiffness in N m/rad."""
+        """Create the `Shaft` between two named bodies, with a torsional stiffness in N m/rad."""
         damping = proportional_damping(stiffness, self.structural_damping)
         return Shaft(bodies=(body_1, body_2), stiffness=stiffness, damping=damping)
 
@@ -169,15 +172,15 @@ def idler(
         tuple[Mass, ...] | None, Values(3), described(_INERTIA_DESCRIPTION)
     ] = None,
     masses: Annotated[tuple[Mass, ...] | None, Values(3), described(_MASS_DESCRIPTION)] = None,
-    support_stiffness: AxisStiffness = math.inf,
+    support_stiffness: SupportStiffness = math.inf,
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
     pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
     """Return a train of three gears, ``pinion``, ``idler`` and ``wheel``, with two meshes.
 
-    Both meshes have the stiffness, damping, backlash and load of `pair`, a `GearPair`; the reduced
-    mass of the first mesh is that of the pair. Other options are passed to `GearTrain`.
+    Both meshes have the stiffness, damping, backlash and load of `pair`, a `GearPair`; the first
+    mesh also has its reduced mass. Other options are passed to `GearTrain`.
     """
     support = support_stiffness, structural_damping
     gears = _GearSet(pair, [teeth], [module] * 3, pressure_angle, reduced_inertias, masses, support)
@@ -204,10 +207,10 @@ def two_stage(
         described("Numbers of teeth of pinion and wheel of each stage"),
     ] = (24, 36, 24, 36),
     modules: Modules = (0.004, 0.004),
-    shaft_stiffness: ShaftTwist = 1e6,
-    reduced_inertias: FourReduced = None,
+    shaft_stiffness: TorsionalShaftStiffness = 1e6,
+    reduced_inertias: FourReducedInertias = None,
     masses: FourMasses = None,
-    support_stiffness: AxisStiffness = math.inf,
+    support_stiffness: SupportStiffness = math.inf,
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
     pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
@@ -222,8 +225,8 @@ def two_stage(
     gear_modules = [modules[0], modules[0], modules[1], modules[1]]
     support = support_stiffness, structural_damping
     gears = _GearSet(pair, stages, gear_modules, pressure_angle, reduced_inertias, masses, support)
-    # The shaft rotates clockwise and transmits the torque of wheel 1. The second wheel rotates
-    # counterclockwise, so that its load is negative.
+    # The shaft transmits the torque of wheel 1. Wheel 2 rotates counterclockwise, so that its load
+    # is negative.
     output_force = -pair.load * gears.base_radii[1] / gears.base_radii[2]
     bodies = [
         gears.body(0, "pinion 1", pair.load),
@@ -261,17 +264,18 @@ def split_power_reducer(
     internal: Annotated[Boolean, described("Whether the output is a ring gear")] = False,
     modules: Modules = (0.004, 0.004),
     pressure_angle: PressureAngle = PRESSURE_ANGLE,
-    reduced_inertias: FourReduced = None,
+    reduced_inertias: FourReducedInertias = None,
     masses: FourMasses = None,
-    shaft_stiffness: ShaftTwist = 1e6,
-    support_stiffness: AxisStiffness = 1e9,
+    shaft_stiffness: TorsionalShaftStiffness = 1e6,
+    support_stiffness: SupportStiffness = 1e9,
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
     pin_errors: PinErrors = None,
     backlashes: Annotated[
         tuple[Annotated[tuple[Backlash, ...], Values(2)], ...] | None,
         Values(),
         described(
-            "Backlashes of the first and second mesh of each branch; by default that of the pair"
+            "Backlashes of the first and second mesh of each branch; by default the backlash of "
+            "the pair"
         ),
     ] = None,
     **options,
@@ -280,8 +284,8 @@ def split_power_reducer(
 
     Bodies are called ``input``, ``output``, ``satellite 1 a``, ``satellite 1 b``, ...; the meshes
     of branch i are ``first i`` (input and a) and ``second i`` (b and output). All meshes have the
-    values of `pair`, a `GearPair`, whose load acts on each mesh of the first stage. Other options
-    are passed to `GearTrain`.
+    parameters of `pair`, a `GearPair`, whose load acts on each mesh of the first stage. Other
+    options are passed to `GearTrain`.
 
     Raises
     ------
@@ -294,20 +298,21 @@ def split_power_reducer(
     gear_modules = [modules[0], modules[0], modules[1], modules[1]]
     support = support_stiffness, structural_damping
     gears = _GearSet(pair, [teeth], gear_modules, pressure_angle, reduced_inertias, masses, support)
-    # Twice the centre distances of both stages.
-    first_sum = modules[0] * (teeth[0] + teeth[1])
-    second_sum = modules[1] * (teeth[3] - teeth[2] if internal else teeth[3] + teeth[2])
-    if abs(first_sum - second_sum) > 1e-9 * first_sum:
+    # Compare twice the centre distances, which are sums or differences of pitch diameters.
+    diameter_sum_1 = modules[0] * (teeth[0] + teeth[1])
+    diameter_sum_2 = modules[1] * (teeth[3] - teeth[2] if internal else teeth[3] + teeth[2])
+    if abs(diameter_sum_1 - diameter_sum_2) > 1e-9 * diameter_sum_1:
         raise ValueError(
-            f"teeth = {teeth!r} is not allowed: both stages must have one centre distance, and it "
-            f"is {first_sum / 2.0:.6g} m in the first, {second_sum / 2.0:.6g} m in the second"
+            f"teeth = {teeth!r} is not allowed: both stages must have the same centre distance, "
+            f"but it is {diameter_sum_1 / 2.0:.6g} m in the first stage and "
+            f"{diameter_sum_2 / 2.0:.6g} m in the second stage"
         )
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
-    errors = checks.check_sequence("pin_errors", pin_errors, n)
+    pin_errors = checks.check_sequence("pin_errors", pin_errors, n)
     backlashes = [(pair.backlash,) * 2] * n if backlashes is None else backlashes
     backlashes = checks.check_sequence("backlashes", backlashes, n)
-    # The satellites rotate clockwise. They drive an external output counterclockwise and a ring
-    # gear clockwise, against the load.
+    # The satellites rotate clockwise. They drive an external output gear counterclockwise and a
+    # ring gear clockwise; the load has the opposite direction.
     output_force = n * pair.load * gears.base_radii[1] / gears.base_radii[2]
     output_force *= 1.0 if internal else -1.0
     bodies = [gears.body(0, "input", n * pair.load), gears.body(3, "output", output_force)]
@@ -316,7 +321,7 @@ def split_power_reducer(
         angle = 2.0 * math.pi * i / n
         gear_a, gear_b = f"satellite {i + 1} a", f"satellite {i + 1} b"
         cosine, sine = math.cos(angle), math.sin(angle)
-        radial, tangential = errors[i]
+        radial, tangential = pin_errors[i]
         offset = cosine * radial - sine * tangential, sine * radial + cosine * tangential
         bodies += [gears.body(1, gear_a, offset=offset), gears.body(2, gear_b, offset=offset)]
         fields = {"name": f"first {i + 1}", "backlash": backlashes[i][0], "position": angle}

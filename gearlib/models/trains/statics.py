@@ -1,13 +1,13 @@
 """Static equilibrium of a train with backlash and errors, and its load sharing.
 
-In every mesh either the drive side or the coast side can carry a force,
+In each mesh, either the drive side or the coast side can carry a force,
 
     P >= 0, d <= P / C, P (d - P / C) = 0        and the same for Q on the coast side,
 
-which is a linear complementarity problem for the mesh force P, the distance d of the flanks and the
-stiffness C. Its solutions are the minima of a convex, piecewise quadratic energy, so the forces are
-unique. Newton's method with an exact line search ends after finitely many steps, and the result is
-checked against all conditions.
+which is a linear complementarity problem for the mesh force P and the flank distance d, with the
+stiffness C. Its solutions are the minima of a convex, piecewise quadratic energy, so that the
+forces are unique. Newton's method with an exact line search terminates after finitely many steps,
+and the result is checked against all conditions.
 """
 
 import math
@@ -30,22 +30,22 @@ if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
 
 _MAX_NEWTON_STEPS = 200
-#: Largest residual over the forces; the rounding errors of loose gears can be large.
+#: Tolerance of the residual relative to the forces; loose gears can have large rounding errors.
 _RESIDUAL_TOLERANCE = 1e-9
 
 
-def _balancing_torques(train: "GearTrain") -> str:
-    """Return a suggestion of torques that balance a train, as in "-20 N m on wheel".
+def _suggest_balancing_torques(train: "GearTrain") -> str:
+    """Suggest torques that balance a train, e.g. "-20 N m on wheel".
 
-    As few torques as possible are changed. The first loaded body, which drives, keeps its torque;
-    loaded bodies without a carrier are changed first, and among equals the last body first.
+    As few torques as possible are changed. The torque of the first loaded body, the driver, is
+    kept. Loaded bodies without a carrier are changed first; otherwise the last body is changed
+    first.
     """
     radii, torques = np.array([(body.base_radius, body.torque) for body in train.bodies]).T
-    # Work of 1 N m on each body in each rigid-body ("free") motion, which no spring resists; works
-    # below the tolerance are rounding errors.
+    # Work of a unit torque on each body in each rigid-body mode; work below the tolerance is a
+    # rounding error.
     works = (train.structure.motions[:, 2] @ train.free_motions).T / radii
     work_tolerance = 1e-6 * abs(works).max()
-    # Bodies with the highest preference are changed first.
     preferences = [(body.carrier is None, body.torque != 0.0) for body in train.bodies]
     if torques.any():
         first_loaded = int(torques.nonzero()[0][0])
@@ -63,14 +63,16 @@ def _balancing_torques(train: "GearTrain") -> str:
 def check_balance(train: "GearTrain") -> None:
     """Raise ValueError if a `GearTrain` cannot move, lacks a mass or has unbalanced torques.
 
-    Torques balance if they do no work on rigid-body motions, which no spring resists. Also raise
-    ValueError for a harmonic force along a direction in which its body cannot move, or with the
-    frequency 0, and for a moving backlash of a gear whose axis moves freely.
+    Torques are balanced if they do no work on rigid-body modes. Harmonic forces must have a
+    frequency and act in a direction in which the body can move. A mesh with moving backlash must
+    not have a gear whose axis moves freely.
     """
     if not train.structure.coordinates:
-        raise ValueError("bodies is not allowed: at least one of them must be able to move")
+        raise ValueError(
+            "bodies that cannot move are not allowed: one of them must be able to move"
+        )
     if train.structure.mass.diagonal().min() <= 0.0:
-        raise ValueError("bodies is not allowed: every motion must have a mass")
+        raise ValueError("bodies without inertia are not allowed: each motion must have a mass")
     for force in train.forces:
         owner = f"a force on body {force.body}"
         can_move = force_direction(train, force, train.structure.motions).any()
@@ -78,13 +80,15 @@ def check_balance(train: "GearTrain") -> None:
             can_move, "axis", force.axis, "a direction in which this body can move", owner
         )
         has_frequency = force_frequency(train, force) != 0
-        checks.require(has_frequency, "reference", force.of, "a mesh, or a body that turns", owner)
+        checks.require(
+            has_frequency, "reference", force.of, "a mesh, or a body that rotates", owner
+        )
     load = train.structure.load
     for motion in train.free_motions.T:
         works = motion * load
         is_unbalanced = abs(works.sum()) > 1e-9 * abs(works).sum()
         if is_unbalanced and train.matrices is not None:
-            raise _unbalanced_forces(train, motion)
+            raise _unbalanced_forces_error(train, motion)
         if is_unbalanced:
             moving_bodies = [
                 body.name
@@ -92,101 +96,104 @@ def check_balance(train: "GearTrain") -> None:
                 if abs(rows @ motion).max() > 1e-6 * abs(motion).max()
             ]
             raise ValueError(
-                f"torque of bodies {', '.join(moving_bodies)} is not allowed: they must balance on "
-                f"the free rotation of the train, as with {_balancing_torques(train)}"
+                f"torque of bodies {', '.join(moving_bodies)} is not allowed: the torques must "
+                "balance in the rigid-body rotation of the train, for example with "
+                f"{_suggest_balancing_torques(train)}"
             )
-    # Coast-side flanks with moving backlash follow the axes; a motion that no spring resists must
-    # not change their distance.
+    # Coast-side flanks with moving backlash follow the axes; rigid-body modes must not change their
+    # distance.
     changes = abs(train.coast_lines @ train.free_motions)
     scale = abs(train.coast_lines) @ abs(train.free_motions)
     changes_distance = (changes > 1e-9 * scale).any(axis=1)
     for mesh, moves_freely in zip(train.meshes, changes_distance, strict=True):
         valid = not (mesh.moving_backlash and moves_freely)
-        allowed = "False where an axis of its gears moves freely"
+        allowed = "False if an axis of its gears moves freely"
         checks.require(valid, f"moving_backlash of mesh {mesh.name}", True, allowed)
 
 
-def _unbalanced_forces(train: "GearTrain", motion: np.ndarray) -> ValueError:
-    """Return the ValueError for forces that do work on a rigid-body motion of given matrices.
+def _unbalanced_forces_error(train: "GearTrain", motion: np.ndarray) -> ValueError:
+    """Create the ValueError for forces that do work on a rigid-body mode of given matrices.
 
-    `motion`, shape (n,), is the motion, which no spring resists. The message names the coordinates
-    that move, at most eight, and a force on one of them that would balance the others.
+    `motion`, shape (n,), is the rigid-body mode. The message names at most eight coordinates that
+    move, and a force on one of them that would balance the others.
     """
     names, load = [name for name, _ in train.structure.coordinates], train.structure.load
-    least_motion = 1e-6 * max(abs(motion))
-    pairs = zip(names, motion, strict=True)
-    moving = [name for name, amplitude in pairs if abs(amplitude) > least_motion]
-    # The last force that does work is changed so that the total work is 0.
+    tolerance = 1e-6 * max(abs(motion))
+    amplitudes = zip(names, motion, strict=True)
+    moving_names = [name for name, amplitude in amplitudes if abs(amplitude) > tolerance]
+    # The suggested force replaces the last force that does work, so that the total work is 0.
     changed = np.flatnonzero(load * motion)[-1]
     balancing = load[changed] - (load @ motion) / motion[changed]
     return ValueError(
-        f"forces are not allowed: no spring resists a motion of {', '.join(moving[:8])}, on which "
-        f"they must do no work, as with {balancing:.12g} on {names[changed]}"
+        f"forces are not allowed: no spring resists a motion of {', '.join(moving_names[:8])}; "
+        "the forces must do no work in this motion, for example with "
+        f"{balancing:.12g} on {names[changed]}"
     )
 
 
 class Equilibrium(NamedTuple):
     """Static equilibrium of a train with n coordinates and m meshes."""
 
-    q: np.ndarray  #: coordinates, m, shape (n,), without free motions
-    force: np.ndarray  #: N, positive on drive sides, negative on coast sides, shape (m,)
-    contact: np.ndarray  #: contact states 1, 0 and -1, shape (m,)
-    both_flanks_touch: np.ndarray  #: bool, whether forces act on both flanks, shape (m,)
+    q: np.ndarray  #: coordinates without rigid-body modes, m, shape (n,)
+    force: np.ndarray  #: mesh forces, N, positive on drive sides, negative on coast sides, (m,)
+    contact: np.ndarray  #: contact states 1 (drive side), 0 (none) and -1 (coast side), shape (m,)
+    both_flanks_touch: np.ndarray  #: whether forces act on both flanks, shape (m,)
 
 
 def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0) -> Equilibrium:
-    """Return the static `Equilibrium` of a train with backlash and errors.
+    """Compute the static `Equilibrium` of a train with backlash and errors.
 
-    `phase` is the phase of the reference mesh in rad, at which stiffness and errors are taken;
-    `load_ratio` is a factor on all torques. Raises ValueError if the load opens a mesh with
-    infinite backlash permanently.
+    `phase` is the reference mesh phase in rad at which stiffness and errors are evaluated, and
+    `load_ratio` is a factor on all torques. Raises ValueError if the load permanently opens a mesh
+    with infinite backlash.
     """
     frequencies, amplitudes, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
-    # Distances of (coast, drive) flanks while all coordinates are 0.
+    # Flank distances on the (coast, drive) sides if all coordinates are 0.
     gaps = constants + amplitudes @ harmonics.ravel()
     gaps[0] += [mesh.backlash for mesh in train.meshes]
     stiffness = _stiffness_levels(train, phase)
-    # The unknowns are amplitudes of elastic modes, scaled to unit stiffness of the linear train.
-    # They exclude free motions.
-    squares, shapes = train.linear_modes
-    basis = shapes / np.sqrt(squares)
-    drive_lines = train.modal_mesh_displacements / np.sqrt(squares)
+    # The unknowns are amplitudes of the elastic modes, scaled to unit modal stiffness.
+    squared_frequencies, shapes = train.linear_modes
+    basis = shapes / np.sqrt(squared_frequencies)
+    drive_jacobian = train.modal_mesh_displacements / np.sqrt(squared_frequencies)
     has_moving_backlash = np.array([[mesh.moving_backlash] for mesh in train.meshes])
-    coast_lines = np.where(has_moving_backlash, train.coast_lines @ basis, drive_lines)
-    lines = np.stack([coast_lines, drive_lines])
+    coast_jacobian = np.where(has_moving_backlash, train.coast_lines @ basis, drive_jacobian)
+    jacobians = np.stack([coast_jacobian, drive_jacobian])
     strains = train.strains[: -len(train.meshes)]
     load = load_ratio * (basis.T @ train.structure.load)
-    energy = _Energy(strains.T @ strains, lines, stiffness, gaps, load)
-    # Rounding errors of the gaps cause forces of this size, even without a load.
+    energy = _Energy(strains.T @ strains, jacobians, stiffness, gaps, load)
+    # This is the scale of forces that correspond to the gaps, and thus of their rounding errors.
     gap_sizes = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
-    force_scale = (np.abs(drive_lines.T) @ (stiffness * gap_sizes).max(axis=0)).max(initial=0.0)
-    # Only a symmetric stiffness has an energy to be minimized.
+    mesh_force_scales = (stiffness * gap_sizes).max(axis=0)
+    force_scale = (np.abs(drive_jacobian.T) @ mesh_force_scales).max(initial=0.0)
+    # A potential energy exists only if the stiffness is symmetric.
     if train.matrices is None or train.matrices.is_symmetric:
-        modal_amplitudes = _minimize(energy, force_scale)
+        amplitudes = _minimize_energy(energy, force_scale)
     else:
         skew = (train.structure.stiffness - train.structure.stiffness.T) / 2.0
-        allowed = "without forces that free motions feel or cause"
-        free_forces = np.abs(skew @ train.free_motions).max(initial=0.0)
-        valid = free_forces <= _RESIDUAL_TOLERANCE * np.abs(skew).max()
+        rigid_body_forces = np.abs(skew @ train.free_motions).max(initial=0.0)
+        valid = rigid_body_forces <= _RESIDUAL_TOLERANCE * np.abs(skew).max()
+        allowed = "a matrix whose skew-symmetric part does not act on rigid-body modes"
         checks.require(valid, "stiffness", "an unsymmetric matrix", allowed)
         energy = energy._replace(elastic=energy.elastic + basis.T @ skew @ basis)
-        modal_amplitudes = _balance(energy, force_scale)
-    if modal_amplitudes is None:
+        amplitudes = _balance_forces(energy, force_scale)
+    if amplitudes is None:
         raise ValueError(
-            "the train has no static equilibrium: its torques or errors open a mesh with infinite "
-            "backlash permanently; a finite backlash would close"
+            "the train has no static equilibrium: its torques or errors permanently open a mesh "
+            "with infinite backlash; a finite backlash would close"
         )
-    distances = lines @ modal_amplitudes + gaps
-    forces, (residual, force_sizes) = energy.forces(distances), energy.gradient(modal_amplitudes)
+    distances = jacobians @ amplitudes + gaps
+    forces = energy.forces(distances)
+    residual, force_sizes = energy.gradient(amplitudes)
     scale = force_scale + np.abs(load).sum() + force_sizes.sum()
     if not np.abs(residual).max(initial=0.0) <= _RESIDUAL_TOLERANCE * scale:
-        raise ValueError("the static equilibrium is not accurate to rounding; no result")
+        raise ValueError("the static equilibrium cannot be computed: its residual is too large")
     contact_states = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
-    # A smaller overlap of the coast-side flanks is a rounding error of the distance.
-    rounding = 1e-12 * (gap_sizes.max() + np.abs(drive_lines @ modal_amplitudes))
+    # Smaller overlaps of the coast-side flanks are rounding errors of the distance.
+    rounding = 1e-12 * (gap_sizes.max() + np.abs(drive_jacobian @ amplitudes))
     both_flanks_touch = (contact_states == 1) & (distances[0] < -rounding)
-    coordinates = basis @ modal_amplitudes
+    coordinates = basis @ amplitudes
     contact_states = contact_states.astype(np.int8)
     return Equilibrium(coordinates, forces.sum(axis=0), contact_states, both_flanks_touch)
 
@@ -194,8 +201,8 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
 def static(train: "GearTrain", phase: float = 0.0) -> xr.Dataset:
     """Return the static equilibrium of a train at a reference mesh phase in rad as a dataset.
 
-    It holds mesh forces, contacts, load sharing and displacements, see `GearTrain.static`. The
-    status is JAMMED if both flanks of a mesh carry a force.
+    `GearTrain.static` describes the dataset. Its status is JAMMED if both flanks of a mesh carry a
+    force.
     """
     result = equilibrium(train, phase)
     status_code = status.JAMMED if result.both_flanks_touch.any() else status.OK
@@ -217,10 +224,10 @@ def static(train: "GearTrain", phase: float = 0.0) -> xr.Dataset:
 
 
 def mesh_groups(train: "GearTrain") -> list[tuple[str, str]]:
-    """Return the group of meshes that share a load with each mesh, as a pair of strings.
+    """Return the load-sharing group of each mesh as a pair of strings.
 
-    The pair is ("pinion", name of the pinion) for meshes with a common pinion, else ("wheel", name
-    of the wheel) for those with a common wheel, else ("mesh", its own name) for a single mesh.
+    Meshes with a common pinion have the group ("pinion", name of the pinion), other meshes with a
+    common wheel have ("wheel", name of the wheel), and all others have ("mesh", name of the mesh).
     """
     pinions = [mesh.pinion for mesh in train.meshes]
     wheels = [mesh.wheel for mesh in train.meshes]
@@ -236,11 +243,10 @@ def mesh_groups(train: "GearTrain") -> list[tuple[str, str]]:
 
 
 def load_shares(train: "GearTrain", forces: np.ndarray) -> np.ndarray:
-    """Return the force of each mesh over the mean force of the meshes that share its load.
+    """Return the force of each mesh relative to the mean force of its load-sharing group.
 
-    These are the meshes of a common pinion or wheel, see `mesh_groups`. `forces` of m meshes in N,
-    shape (..., m), and the result have the same shape. The result is NaN where the forces of a
-    group sum to 0.
+    `mesh_groups` defines these groups. `forces`, shape (..., m), are the forces of m meshes, and
+    the result has the same shape. It is NaN if the forces of a group sum to 0.
     """
     groups = np.array(["/".join(group) for group in mesh_groups(train)])
     shares = np.empty_like(forces)
@@ -256,20 +262,19 @@ def load_shares(train: "GearTrain", forces: np.ndarray) -> np.ndarray:
 def _stiffness_levels(train: "GearTrain", phase: float) -> np.ndarray:
     """Return the mesh stiffness on the (coast, drive) sides just after a phase, N/m, (2, m).
 
-    The drive side has the flanks loaded in the sense of the driving torque, the coast side the
-    others. `phase` is the phase of the reference mesh in rad.
+    `phase` is the phase of the reference mesh in rad.
     """
-    # All stiffnesses repeat after `train.repeats` periods of the reference mesh.
+    # The stiffness of all meshes repeats after `train.repeats` periods of the reference mesh.
     period, phase_in_period = divmod(phase % (math.tau * train.repeats), math.tau)
     levels = np.empty((2, len(train.meshes)))
     for j, (mesh, ratio) in enumerate(zip(train.meshes, train.frequency_ratios, strict=True)):
         stiffness_phases = train.coast_phases[mesh.name], train.phases[mesh.name]
-        # At a jump of the stiffness, the tolerance selects the level after it.
+        # At a jump of the stiffness, the tolerance selects the level after the jump.
         fraction = (phase_in_period + SAME_PHASE_TOLERANCE) / math.tau
-        # Phase of this mesh in its periods, exact for the whole periods of the reference mesh.
+        # The phase of this mesh, in mesh periods, is exact for whole periods of the reference mesh.
         mesh_phase = float(int(period) * ratio % 1) + fraction * float(ratio)
-        low = is_at_lower_level(mesh, stiffness_phases, np.array([mesh_phase]))[:, 0]
-        levels[:, j] = mesh.max_stiffness * np.where(low, mesh.stiffness_ratio, 1.0)
+        is_low = is_at_lower_level(mesh, stiffness_phases, np.array([mesh_phase]))[:, 0]
+        levels[:, j] = mesh.max_stiffness * np.where(is_low, mesh.stiffness_ratio, 1.0)
     return levels
 
 
@@ -281,71 +286,74 @@ class _Energy(NamedTuple):
     """
 
     elastic: np.ndarray  #: stiffness without the meshes, shape (p, p)
-    lines: np.ndarray  #: distances of (coast, drive) flanks per amplitude, shape (2, m, p)
+    jacobians: np.ndarray  #: derivatives of (coast, drive) distances by amplitudes, (2, m, p)
     stiffness: np.ndarray  #: stiffness of (coast, drive) flanks, N/m, shape (2, m)
-    gaps: np.ndarray  #: distances of (coast, drive) flanks at amplitudes 0, m, shape (2, m)
+    gaps: np.ndarray  #: (coast, drive) flank distances at zero amplitudes, m, shape (2, m)
     load: np.ndarray  #: modal load, shape (p,)
 
     def forces(self, distances: np.ndarray) -> np.ndarray:
-        """Return the forces in N at distances of (coast, drive) flanks in m, shape (2, m)."""
+        """Return the forces in N at (coast, drive) flank distances in m, shape (2, m)."""
         coast, drive = distances
         return self.stiffness * np.stack([np.minimum(coast, 0.0), np.maximum(drive, 0.0)])
 
     def gradient(self, amplitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (gradient of the energy, sum of the magnitudes of its terms by mesh forces).
+        """Return the gradient of the energy and the summed magnitudes of its mesh force terms.
 
-        `amplitudes` of p modes and both results have the shape (p,). The second result measures the
-        size of rounding errors in the first.
+        `amplitudes` and both results have the shape (p,). The second result is a scale of the
+        rounding errors of the gradient.
         """
-        forces = self.forces(self.lines @ amplitudes + self.gaps)
-        gradient = self.elastic @ amplitudes + _modal_forces(self.lines, forces) - self.load
-        return gradient, _modal_forces(np.abs(self.lines), np.abs(forces))
+        forces = self.forces(self.jacobians @ amplitudes + self.gaps)
+        gradient = self.elastic @ amplitudes + _modal_forces(self.jacobians, forces) - self.load
+        return gradient, _modal_forces(np.abs(self.jacobians), np.abs(forces))
 
     def hessian(self, distances: np.ndarray) -> np.ndarray:
-        """Return the Hessian matrix of the energy, (p, p), the stiffness with the touching flanks.
+        """Return the Hessian matrix of the energy, shape (p, p).
 
-        `distances`, shape (2, m), of (coast, drive) flanks decide which flanks touch.
+        It is the stiffness matrix with the flanks in contact, which follow from the (coast, drive)
+        flank `distances`, shape (2, m).
         """
         touching = np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
-        sides = zip(self.lines, self.stiffness * touching, strict=True)
+        sides = zip(self.jacobians, self.stiffness * touching, strict=True)
         return self.elastic + sum(
-            lines.T @ (stiffness[:, None] * lines) for lines, stiffness in sides
+            jacobian.T @ (stiffness[:, None] * jacobian) for jacobian, stiffness in sides
         )
 
 
-def _modal_forces(lines: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Return the sum of the flank forces in modal coordinates, shape (p,).
+def _modal_forces(jacobians: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Transform the flank forces of m meshes to p modal forces, shape (p,).
 
-    `forces`, shape (2, m), are the forces on (coast, drive) flanks of m meshes. `lines`, shape (2,
-    m, p), hold the distance of each pair of flanks per amplitude of each of the p modes; by virtual
-    work they also convert forces.
+    `jacobians`, shape (2, m, p), are the derivatives of the (coast, drive) flank distances with
+    respect to the modal amplitudes, and `forces`, shape (2, m), are the forces on these flanks.
     """
-    return lines[0].T @ forces[0] + lines[1].T @ forces[1]
+    coast_jacobian, drive_jacobian = jacobians
+    coast_forces, drive_forces = forces
+    return coast_jacobian.T @ coast_forces + drive_jacobian.T @ drive_forces
 
 
-def _minimize(energy: _Energy, force_scale: float) -> np.ndarray | None:
-    """Minimize the energy by Newton's method and return the modal amplitudes, shape (p,), or None.
+def _minimize_energy(energy: _Energy, force_scale: float) -> np.ndarray | None:
+    """Minimize the energy by Newton's method, and return the modal amplitudes, shape (p,).
 
-    None means that the energy has no minimum, because a mesh opens without limit. `force_scale` is
-    the magnitude of additional forces; rounding errors of this magnitude are tolerated.
+    Returns None if there is no minimum, because a mesh opens without limit. `force_scale` is the
+    scale of forces whose rounding errors are tolerated.
     """
     load, gaps = energy.load, energy.gaps
     amplitudes = load.copy()
-    # Larger distances mean that a body moves away under its load without limit.
+    # If a distance exceeds this limit, a body moves away under its load.
     largest_gap = np.abs(gaps[np.isfinite(gaps)]).max(initial=0.0)
-    deflection = np.abs(energy.lines @ load).max(initial=0.0)
+    deflection = np.abs(energy.jacobians @ load).max(initial=0.0)
     max_distance = 1e6 * (largest_gap + deflection) if deflection > 0.0 else math.inf
     for _ in range(_MAX_NEWTON_STEPS):
-        hessian = energy.hessian(energy.lines @ amplitudes + gaps)
+        hessian = energy.hessian(energy.jacobians @ amplitudes + gaps)
         if np.linalg.eigvalsh(hessian)[0] < 1e-11:
-            # A body is loose: a small stiffness makes a long step, which the line search shortens.
+            # A body is loose. A small stiffness gives a long step, which the line search shortens.
             hessian = hessian + 1e-9 * np.eye(amplitudes.size)
         step = -np.linalg.solve(hessian, energy.gradient(amplitudes)[0])
         step_length = _line_search(energy, amplitudes, step)
         if step_length is None:
             return None
         amplitudes = amplitudes + step_length * step
-        if -(energy.lines[1] @ amplitudes + gaps[1]).min() > max_distance:
+        drive_distances = energy.jacobians[1] @ amplitudes + gaps[1]
+        if -drive_distances.min() > max_distance:
             return None
         gradient, mesh_forces = energy.gradient(amplitudes)
         forces = load, energy.elastic @ amplitudes, mesh_forces
@@ -355,13 +363,13 @@ def _minimize(energy: _Energy, force_scale: float) -> np.ndarray | None:
     return amplitudes
 
 
-def _balance(energy: _Energy, force_scale: float) -> np.ndarray | None:
-    """Return the modal amplitudes at which all forces balance, shape (p,), or None.
+def _balance_forces(energy: _Energy, force_scale: float) -> np.ndarray | None:
+    """Solve for the modal amplitudes, shape (p,), at which all forces balance.
 
-    This suits an unsymmetric stiffness, which has no energy; `_Energy.gradient` then is the
-    residual of the forces. Newton's method halves each step until the residual decreases. None
-    means that it did not converge. `force_scale` is the magnitude of additional forces; rounding
-    errors of this magnitude are tolerated.
+    This method also suits an unsymmetric stiffness, for which no energy exists; then
+    `_Energy.gradient` is the residual of the forces. Each step of Newton's method is halved until
+    the residual decreases. Returns None if the method does not converge. `force_scale` is the scale
+    of forces whose rounding errors are tolerated.
     """
     amplitudes = energy.load.copy()
     for _ in range(_MAX_NEWTON_STEPS):
@@ -369,33 +377,33 @@ def _balance(energy: _Energy, force_scale: float) -> np.ndarray | None:
         scale = force_scale + np.abs(energy.load).max(initial=0.0) + mesh_forces.max(initial=0.0)
         if np.abs(residual).max(initial=0.0) <= 1e-14 * amplitudes.size * scale:
             return amplitudes
-        jacobian = energy.hessian(energy.lines @ amplitudes + energy.gaps)
+        jacobian = energy.hessian(energy.jacobians @ amplitudes + energy.gaps)
         step = -np.linalg.lstsq(jacobian, residual)[0]
         step_length, residual_norm = 1.0, np.linalg.norm(residual)
         while np.linalg.norm(energy.gradient(amplitudes + step_length * step)[0]) >= residual_norm:
             step_length /= 2.0
             if step_length < 1e-12:
-                # Only rounding errors are left, and the caller checks their size.
+                # Only rounding errors remain; the caller checks the residual.
                 return amplitudes
         amplitudes = amplitudes + step_length * step
     return None
 
 
 def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> float | None:
-    """Return the factor on a step that minimizes the energy from given amplitudes, or None.
+    """Return the step length that minimizes the energy of amplitudes + length * step.
 
-    `amplitudes` and `step` have the shape (p,). None means that the energy decreases without limit.
-    Along the step the slope of the energy grows, and it is linear between the lengths at which
-    flanks touch or separate; so these lengths are searched in order for a change of its sign.
+    `amplitudes` and `step` have the shape (p,). Returns None if the energy decreases without limit.
+    The slope of the energy is a piecewise linear, increasing function of the length, with
+    breakpoints where flanks touch or separate. The first interval with a sign change is used.
     """
-    distances, rates = energy.lines @ amplitudes + energy.gaps, energy.lines @ step
+    distances, rates = energy.jacobians @ amplitudes + energy.gaps, energy.jacobians @ step
     with np.errstate(divide="ignore", invalid="ignore"):
         contact_lengths = -distances / rates
     is_ahead = np.isfinite(contact_lengths) & (contact_lengths > 0.0)
     contact_lengths = np.sort(contact_lengths[is_ahead])
 
     def slope(length: float) -> float:
-        """Return the derivative of the energy with respect to the length, a factor on the step."""
+        """Return the derivative of the energy with respect to the step length."""
         forces = energy.forces(distances + length * rates)
         elastic_forces = energy.elastic @ (amplitudes + length * step)
         return step @ (elastic_forces - energy.load) + (rates * forces).sum()
@@ -408,12 +416,12 @@ def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> f
         if end_slope >= 0.0:
             return start + (end - start) * start_slope / (start_slope - end_slope)
         start, start_slope = end, end_slope
-    # Beyond the last contact the slope is linear.
+    # The slope is linear beyond the last breakpoint.
     end = 2.0 * start + 1.0
     end_slope = slope(end)
     increase = end_slope - start_slope
     if increase <= 1e-13 * (abs(end_slope) + abs(start_slope)):
-        # The slope stays negative: a load opens a mesh without limit. Without a load the remaining
-        # slope is a rounding error.
+        # The slope stays negative: a load opens a mesh without limit. Without a load, the slope is
+        # a rounding error.
         return None if energy.load.any() else start
     return start - start_slope * (end - start) / increase

@@ -1,4 +1,4 @@
-"""Gear trains of bodies, shafts and meshes as one piecewise-linear model."""
+"""Gear trains of bodies, shafts and meshes, a piecewise-linear model."""
 
 import dataclasses
 import math
@@ -59,10 +59,10 @@ from gearlib.parameters import (
 
 
 def _matrix_propagator(model: Model, tuning: float, **options: Any) -> Any:
-    """Return the closed-form integrator of a train at a tuning.
+    """Create the closed-form integrator of a train at a tuning.
 
-    The tuning is the mesh frequency over the natural frequency. `options` are other arguments of
-    `gearlib.engines.linear.propagator.Propagator`.
+    `tuning` is the mesh frequency over the natural frequency; `options` are keyword arguments of
+    the integrator class `gearlib.engines.linear.propagator.Propagator`.
     """
     # Imported on first use, because it takes time to load.
     from gearlib.engines.linear.propagator import Propagator
@@ -83,7 +83,8 @@ class GearTrain(Model):
     Raises
     ------
     ValueError
-        If a value is impossible or the train cannot be assembled, turn, or stay in balance.
+        If a value is impossible, or if the train cannot be assembled, cannot rotate, or is not in
+        equilibrium.
     """
 
     bodies: Annotated[tuple[Body, ...], Values(), MinLen(1), described("Gears and carriers")]
@@ -106,13 +107,13 @@ class GearTrain(Model):
         Finite,
         described(
             "Speed of the frame in which positions are given, over the speed of the reference "
-            "pinion in this frame; not 0 if a carrier turns"
+            "pinion in this frame; not 0 if a carrier rotates"
         ),
     ] = 0.0
     gyroscopic: Annotated[
         Boolean,
         described(
-            "Whether Coriolis and centrifugal forces of the turning frame act on axes that can "
+            "Whether Coriolis and centrifugal forces of the rotating frame act on axes that can "
             "move; bodies without a carrier then lie on its axis"
         ),
     ] = False
@@ -125,14 +126,14 @@ class GearTrain(Model):
         tuple[Annotated[BelowCritical, Le(0.999)], ...] | None,
         Values(),
         described(
-            "Damping ratios of the elastic modes in mean stiffness, one for each or one for all, "
-            "beside the other dampings"
+            "Damping ratios of the elastic modes with mean stiffness, one for each or one for all, "
+            "in addition to other damping"
         ),
     ] = None
     matrices: Annotated[
         Any,
-        Allowed("left out; see `GearTrain.from_matrices`"),
-        described("Matrices of the structure in place of those of bodies and shafts"),
+        Allowed("omitted; see `GearTrain.from_matrices`"),
+        described("Matrices of the structure, which replace bodies and shafts"),
     ] = None
 
     propagators = {"exact": _matrix_propagator}
@@ -144,21 +145,21 @@ class GearTrain(Model):
 
     @property
     def force_note(self) -> str:
-        """A sentence on the jumps of mesh forces in the mesh with the largest stiffness change."""
+        """A sentence about jumps of the mesh force; "" if all mesh stiffnesses are constant."""
         return force_note(min(mesh.stiffness_ratio for mesh in self.meshes))
 
     @property
     def force_ratio_name(self) -> str:
         """Name of the ratio of the largest to the static mesh force in datasets.
 
-        It is "peak_force_ratio" if mesh forces jump with the stiffness, because their largest value
-        then includes jumps, and "dynamic_factor" otherwise.
+        It is "peak_force_ratio" if mesh forces jump with the stiffness, and "dynamic_factor"
+        otherwise.
         """
         return "peak_force_ratio" if self.force_note else "dynamic_factor"
 
     @property
     def stiffness_model(self) -> str:
-        """The model of the mesh stiffness in words, for datasets and reports.
+        """Description of the mesh stiffness for datasets and reports.
 
         "rectangles" means two levels of stiffness, between which mesh forces jump.
         """
@@ -175,7 +176,7 @@ class GearTrain(Model):
         balance.
         """
         valid = self.matrices is None or hasattr(self.matrices, "coordinates")
-        allowed = "left out; see `GearTrain.from_matrices`"
+        allowed = "omitted; see `GearTrain.from_matrices`"
         checks.require(valid, "matrices", self.matrices, allowed)
         if self.reference is None:
             object.__setattr__(self, "reference", self.meshes[0].name)
@@ -196,7 +197,7 @@ class GearTrain(Model):
 
     @cached_property
     def by_name(self):
-        """Name -> `Body`."""
+        """Bodies by name, a dict name -> `Body`."""
         return {body.name: body for body in self.bodies}
 
     @cached_property
@@ -205,9 +206,9 @@ class GearTrain(Model):
         return self.assemble()
 
     def assemble(self, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
-        """Return the `Structure` of the train, its matrices in SI units.
+        """Assemble the `Structure` of the train, its matrices in SI units.
 
-        `arithmetic` is the number type: floats, or balls (intervals that enclose rounding errors).
+        `arithmetic` is the number type, floats or balls (intervals that enclose rounding errors).
         """
         if self.matrices is not None:
             assembled = self.matrices.structure(self, arithmetic)
@@ -215,7 +216,7 @@ class GearTrain(Model):
             assembled = assemble_structure(self.by_name, self.meshes, self.shafts, arithmetic)
         if self.modal_damping is None:
             return assembled
-        # Add the damping that gives the modes their given damping ratios.
+        # The additional damping gives the modes the damping ratios `modal_damping`.
         convert = np.vectorize(arithmetic.convert, otypes=[arithmetic.dtype])
         return assembled._replace(damping=assembled.damping + convert(self._modal_damping_matrix))
 
@@ -225,27 +226,25 @@ class GearTrain(Model):
 
         It is the sum of 2 zeta omega (M phi) (M phi)^T over the mass-normalised modes phi.
         """
-        # The modes do not depend on the damping; without it, `structure` does not call this method.
+        # The modes do not depend on the damping. Without modal damping, `structure` does not call
+        # this method.
         train = self.replace(modal_damping=None)
-        squares, shapes = train.linear_modes
-        ratios, mode_count = np.array(self.modal_damping), squares.size
+        squared_frequencies, shapes = train.linear_modes
+        ratios, mode_count = np.array(self.modal_damping), squared_frequencies.size
         if ratios.size not in (1, mode_count):
             allowed = f"a damping ratio for all modes, or {mode_count}, one for each elastic mode"
             raise checks.InputError("modal_damping", self.modal_damping, allowed)
         momenta = train.structure.mass @ shapes
-        return momenta * (2.0 * ratios * np.sqrt(squares)) @ momenta.T
+        return momenta * (2.0 * ratios * np.sqrt(squared_frequencies)) @ momenta.T
 
     @cached_property
     def coast_lines(self):
-        """Row vectors of the coast-side distances, (m, n), see `structure.coast_jacobian`."""
+        """Jacobian of the coast-side flank distances, (m, n), see `structure.coast_jacobian`."""
         return coast_jacobian(self.structure, self.by_name, self.meshes)
 
     @cached_property
     def speeds(self):
-        """`turning.Speeds` of the bodies, in radians per radian of mesh phase.
-
-        The mesh phase grows by 2 pi in each period of the reference mesh.
-        """
+        """`turning.Speeds` of the bodies, in radians per radian of reference mesh phase."""
         return turning.speeds(
             self.by_name, self.meshes, self.shafts, self.reference, self.carrier_ratio
         )
@@ -256,10 +255,10 @@ class GearTrain(Model):
 
     @cached_property
     def frequency_ratios(self) -> tuple[Fraction, ...]:
-        """Frequency of each mesh over the frequency of the reference mesh, as exact fractions.
+        """Frequency of each mesh over the frequency of the reference mesh, an exact fraction.
 
-        A mesh frequency is the speed of the pinion relative to the line of centres, times its
-        teeth.
+        A mesh frequency is the number of teeth of the pinion times its speed relative to the line
+        of centres.
         """
         return tuple(
             abs(self.speeds_at(mesh)[mesh.pinion]) * self.by_name[mesh.pinion].teeth
@@ -268,15 +267,14 @@ class GearTrain(Model):
 
     @cached_property
     def phases(self):
-        """Stiffness phases of the drive sides: mesh name -> phase in periods of this mesh."""
+        """Stiffness phases of the drive sides, a dict mesh name -> phase in mesh periods."""
         return turning.phases(self.by_name, self.meshes, self.shafts, self.reference, self.speeds)
 
     @cached_property
     def coast_phases(self) -> dict:
-        """Stiffness phases of the coast sides: mesh name -> phase in periods of this mesh.
+        """Stiffness phases of the coast sides, a dict mesh name -> phase in mesh periods.
 
-        The phase is the middle of the upper stiffness level of the flanks that carry a reversed
-        load.
+        The stiffness phase is the middle of the upper stiffness level.
         """
         return {
             mesh.name: turning.coast_stiffness_phase(
@@ -287,12 +285,12 @@ class GearTrain(Model):
 
     @cached_property
     def pitch_phases(self):
-        """Phases at which drive-side flanks touch at the pitch point: mesh name -> rad."""
+        """Phases of drive-side contact at the pitch point, a dict mesh name -> phase in rad."""
         return {mesh.name: turning.pitch_phase(mesh, self.speeds_at(mesh)) for mesh in self.meshes}
 
     @cached_property
     def repeats(self):
-        """Number of reference mesh periods after which the whole excitation repeats."""
+        """Number of reference mesh periods after which the excitation repeats."""
         return waves.common_period(self)
 
     @cached_property
@@ -304,7 +302,7 @@ class GearTrain(Model):
     def harmonic_forces(self) -> np.ndarray:
         """Cosine and sine amplitudes of the harmonic forces on n coordinates, N, shape (n, 2 h).
 
-        The h frequencies are those of `excitation`; columns 2 i and 2 i + 1 belong to frequency i.
+        Columns 2 i and 2 i + 1 belong to frequency i of the h frequencies of `excitation`.
         """
         frequencies = self.excitation[0]
         amplitudes = np.zeros((self.size // 2, 2 * frequencies.size))
@@ -315,27 +313,25 @@ class GearTrain(Model):
 
     @cached_property
     def segments(self):
-        """Segments of constant stiffness of the whole period of the excitation."""
+        """Segments of constant stiffness over one period of the excitation."""
         return self.segments_of(0, self.repeats)
 
     def segments_of(self, first: int, count: int) -> waves.Segments:
-        """Return the `Segments` of mesh phase, in which no stiffness or sliding direction changes.
+        """Return the `Segments` of mesh phase with constant stiffness and sliding directions.
 
-        They cover `count` periods of the reference mesh from period number `first`, from 0, on.
+        They cover `count` periods of the reference mesh, starting with period number `first`, which
+        is >= 0.
         """
         return waves.segments(self, first, count)
 
     @property
     def size(self):
-        """Length of the state: coordinates and their rates."""
+        """Number of state components: coordinates and their rates."""
         return 2 * len(self.structure.coordinates)
 
     @cached_property
     def _natural_modes(self) -> LinearModes:
-        """Rigid-body motions and natural modes with all flanks in contact at mean stiffness.
-
-        Rigid-body ("free") motions are those that no spring resists.
-        """
+        """Rigid-body and elastic modes with all flanks in contact at mean stiffness."""
         spring_rows, spring_stiffness = self.structure.springs
         mean_stiffness = [mesh.mean_stiffness for mesh in self.meshes]
         rows = np.concatenate([spring_rows, self.structure.mesh_jacobian])
@@ -343,14 +339,15 @@ class GearTrain(Model):
         modes = free_motions_and_modes((rows, stiffness), self.structure.masses)
         if self.matrices is None:
             return modes
-        # The springs of given matrices are rounded; smaller entries of a motion are such errors.
-        free = modes.free_motions
-        is_small = np.abs(free) < 1e-12 * np.abs(free).max(axis=0, initial=0.0)
-        return modes._replace(free_motions=np.where(is_small, 0.0, free))
+        # The springs of given matrices are rounded, so that small entries are rounding errors.
+        free_motions = modes.free_motions
+        tolerance = 1e-12 * np.abs(free_motions).max(axis=0, initial=0.0)
+        is_small = np.abs(free_motions) < tolerance
+        return modes._replace(free_motions=np.where(is_small, 0.0, free_motions))
 
     @property
     def free_motions(self):
-        """Rigid-body motions, which no spring resists, mass-normalised, shape (n, k)."""
+        """Mass-normalised rigid-body modes, which no spring resists, shape (n, k)."""
         return self._natural_modes.free_motions
 
     @property
@@ -360,51 +357,52 @@ class GearTrain(Model):
 
     @property
     def strains(self):
-        """`LinearModes.strains` of the springs of the structure, then of the meshes."""
+        """`LinearModes.strains` of the springs of the structure, followed by the meshes."""
         return self._natural_modes.strains
 
     def contact_modes(self, system: TrainSystem) -> tuple[np.ndarray, ...]:
-        """Return dimensionless modes with all flanks in contact at mean stiffness.
+        """Return the dimensionless natural modes with all flanks in contact at mean stiffness.
 
-        The result is (natural frequencies, mode shapes, rigid-body motions, mass matrix), with one
-        mode or motion per column. Only the mass matrix is computed from the `system`, a
-        `TrainSystem`, at its tuning (mesh frequency over natural frequency).
+        The result is (natural frequencies, mode shapes, rigid-body modes, mass matrix), with one
+        mode per column. `system` is a `TrainSystem`; only its tuning (mesh frequency over natural
+        frequency) is used.
         """
         omega = self.reference_angular_frequency
         mass = self.dimensionless_matrices(system.tuning).mass
-        squares, shapes = self.linear_modes
+        squared_frequencies, shapes = self.linear_modes
         modes = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
-        # A step of Newton's method makes the modes orthonormal to the last digit, so that their
-        # frequencies are exact.
+        # A Newton step orthonormalizes the modes to machine precision.
         modes = modes @ (1.5 * np.eye(len(mass)) - 0.5 * (modes.T @ mass @ modes))
-        elastic_modes, free_motions = modes[:, : squares.size], modes[:, squares.size :]
-        return np.sqrt(squares) / omega, elastic_modes, free_motions, mass
+        elastic_count = squared_frequencies.size
+        elastic_modes, rigid_body_modes = modes[:, :elastic_count], modes[:, elastic_count:]
+        return np.sqrt(squared_frequencies) / omega, elastic_modes, rigid_body_modes, mass
 
     @cached_property
     def modal_mesh_displacements(self) -> np.ndarray:
-        """Relative displacements of the flanks of m meshes in the p elastic modes, shape (m, p).
+        """Relative displacements of the flanks of m meshes in p elastic modes, shape (m, p).
 
-        The modes are mass-normalised, with all flanks in contact at mean stiffness.
+        The modes are mass-normalised and computed with all flanks in contact at mean stiffness.
         """
         stiffness = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        # Strains are displacements times the root of the stiffness over the frequency.
+        # Strains are displacements times the square root of the stiffness, over the frequency.
         strains = self.strains[-stiffness.size :] / np.sqrt(stiffness)[:, None]
         return strains * np.sqrt(self._natural_modes.squared_frequencies)
 
     @cached_property
     def static_mesh_displacements(self) -> np.ndarray:
-        """Relative displacements of meshes of the linear train under its load, m, shape (m,)."""
-        squares, shapes = self.linear_modes
-        return self.modal_mesh_displacements @ ((shapes.T @ self.structure.load) / squares)
+        """Relative displacements of m meshes of the linear train under its load, m, shape (m,)."""
+        squared_frequencies, shapes = self.linear_modes
+        modal_loads = shapes.T @ self.structure.load
+        return self.modal_mesh_displacements @ (modal_loads / squared_frequencies)
 
     @property
     def reference_mesh(self):
-        """The `Mesh` that sets scales, phase and tuning."""
+        """The `Mesh` that defines scales, phase and tuning."""
         return self.meshes[self.mesh_names.index(self.reference)]
 
     @property
     def reference_pinion(self):
-        """The `Body` whose revolutions are counted."""
+        """The pinion of the reference mesh, a `Body`."""
         return self.by_name[self.reference_mesh.pinion]
 
     @property
@@ -414,14 +412,15 @@ class GearTrain(Model):
 
     @cached_property
     def static_deflection(self) -> float:
-        """Static force in the reference mesh over its mean stiffness, m; 1 um without load.
+        """Static deflection of the reference mesh, the unit of displacements, m; 1 um without load.
 
-        It is the unit of displacements. The force is that of the linear train: mean stiffness, all
-        flanks in contact, no errors.
+        It is the static mesh force over the mean stiffness in the linear train, in which all flanks
+        are in contact at mean stiffness and errors are neglected.
         """
-        squares, shapes = self.linear_modes
+        squared_frequencies, shapes = self.linear_modes
         load = self.structure.load
-        compliances = self.modal_mesh_displacements[self.mesh_names.index(self.reference)] / squares
+        modal_displacements = self.modal_mesh_displacements[self.mesh_names.index(self.reference)]
+        compliances = modal_displacements / squared_frequencies
         deflection = abs(compliances @ (shapes.T @ load))
         # A smaller deflection is a rounding error of terms that cancel.
         sum_of_terms = np.abs(compliances) @ (np.abs(shapes).T @ np.abs(load))
@@ -438,19 +437,23 @@ class GearTrain(Model):
     def reference_angular_frequency(self) -> float:
         """Reference natural frequency, rad/s; the tuning is the mesh frequency divided by it.
 
-        It is `reference_frequency` if given, else the natural frequency of the elastic mode with
-        the most strain energy in the reference mesh, at mean stiffness.
+        It is `reference_frequency` if given; otherwise it is the natural frequency of the elastic
+        mode with the most strain energy in the reference mesh, at mean stiffness.
         """
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
-        squares = self._natural_modes.squared_frequencies
-        # The last rows of `strains` belong to the meshes; squares are shares of the strain energy.
+        squared_frequencies = self._natural_modes.squared_frequencies
+        # The last rows of `strains` belong to the meshes; the squares are fractions of the strain
+        # energy.
         energies = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
-        # Modes of equal frequency share their strain energy in an arbitrary way, so it is summed.
-        sums = [energies[np.abs(squares - square) < 1e-6 * square].sum() for square in squares]
-        # Among modes with equal energy up to rounding, take the one with the lowest frequency.
+        # Shapes of modes with equal frequencies are arbitrary, so that their energies are summed.
+        sums = []
+        for value in squared_frequencies:
+            is_equal = np.abs(squared_frequencies - value) < 1e-6 * value
+            sums.append(energies[is_equal].sum())
+        # If strain energies are equal up to rounding, the lowest frequency is used.
         i = int(np.argmax(np.array(sums) > 0.999999 * max(sums)))
-        return math.sqrt(squares[i])
+        return math.sqrt(squared_frequencies[i])
 
     def mesh_frequency(self, tuning: Any) -> Any:
         """Return the angular frequency of the reference mesh, rad/s (float or array)."""
@@ -462,9 +465,9 @@ class GearTrain(Model):
         return 60.0 / (2.0 * math.pi) * self.mesh_frequency(tuning) * pinion_rate
 
     def scales(self) -> dict:
-        """Return the dataset variables that depend on the train alone.
+        """Return the dataset variables that do not depend on the tuning.
 
-        The result maps names to values or to (dimension, values). Most of them convert
+        The result maps names to values or to (dimension, values). Most of the variables convert
         dimensionless results to SI units.
         """
         return {
@@ -484,9 +487,9 @@ class GearTrain(Model):
         return dimensionless_matrices(self, tuning)
 
     def as_dict(self) -> dict:
-        """Return the parameters as plain values: name of a field -> value.
+        """Return the parameters as a dict of plain values.
 
-        A train given by matrices stores a hash in their place, and its elements as dicts.
+        Given matrices are represented by their hash, and elements of the train by dicts.
         """
         if self.matrices is None:
             return super().as_dict()
@@ -497,33 +500,32 @@ class GearTrain(Model):
         return fields
 
     def system(self, tuning: float, first: int = 0, count: int | None = None) -> TrainSystem:
-        """Return the `TrainSystem` at a tuning: state-space matrices for all segments of phase.
+        """Return the `TrainSystem` at a tuning, the state-space matrices for all phase segments.
 
-        `tuning` is the mesh frequency over the natural frequency. No stiffness changes within a
-        segment. If `count` is given, the segments cover only `count` periods of the reference mesh
-        from period number `first` on; otherwise they cover the common period of all meshes.
+        `tuning` is the mesh frequency over the natural frequency. The stiffness is constant in each
+        segment. If `count` is given, the segments cover only `count` periods of the reference mesh,
+        starting with period number `first`; otherwise they cover one period of the excitation.
         """
         if count:
             return train_system(self, tuning, self.segments_of(first, count))
         if self.gyroscopic or self.excitation[0].size:
             return train_system(self, tuning, self.segments)
-        # In all other trains the tuning changes nothing else, so that the matrices are computed
-        # once.
+        # In all other trains the matrices do not depend on the tuning and are computed only once.
         return self._system._replace(tuning=tuning)
 
     @cached_property
     def norm_at_rest(self):
         """Upper bound of the norms of the state matrices without gyroscopic forces.
 
-        It limits the steps of the engines, and it is the same at all tunings.
+        It limits the steps of the engines and does not depend on the tuning.
         """
         return largest_norm(self, self.dimensionless_matrices(1.0))
 
     @cached_property
     def _system(self):
-        """The `TrainSystem` (state-space matrices) at tuning 1.
+        """The `TrainSystem` (state-space matrices) at the tuning 1.
 
-        Without gyroscopic forces and excitation, other tunings change only the field `tuning`.
+        Without gyroscopic forces and excitation, only its field `tuning` depends on the tuning.
         """
         return train_system(self, 1.0, self.segments)
 
@@ -534,15 +536,15 @@ class GearTrain(Model):
         Parameters
         ----------
         phase : float, default 0
-            Phase of the reference mesh, rad, at which stiffness and errors are taken.
+            Phase of the reference mesh, rad, at which stiffness and errors are evaluated.
 
         Returns
         -------
         xarray.Dataset
             Over `mesh`: mesh_force (N), contact (1 drive side, 0 none, -1 coast side), load_sharing
             (force over the mean force of the meshes of the same central gear); over `body` and
-            `axis`: body_displacement (m); and status: jammed if both flanks of a mesh touch, where
-            mesh_force is the sum of both forces.
+            `axis`: body_displacement (m); and status: jammed if both flanks of a mesh touch, so
+            that mesh_force is the sum of both forces.
 
         Raises
         ------
@@ -567,17 +569,17 @@ class GearTrain(Model):
 
     @classmethod
     def from_matrices(cls, mass, damping, stiffness, meshes, gears, **options: Any) -> "GearTrain":
-        """Return a train given by mass, damping and stiffness matrices, as of rotor software.
+        """Return a train given by mass, damping and stiffness matrices, e.g. from rotor software.
 
-        `meshes` and `gears` join coordinates of the matrices; `options` are other arguments of
-        `gearlib.models.trains.matrices.from_matrices`, which describes all of them.
+        `meshes` and `gears` connect coordinates of the matrices; `options` are keyword arguments of
+        `gearlib.models.trains.matrices.from_matrices`, which describes all arguments.
         """
         from gearlib.models.trains.matrices import from_matrices
 
         return from_matrices(mass, damping, stiffness, meshes, gears, **options)
 
     def reduce(self, frequency: float) -> "GearTrain":
-        """Return a train of fewer coordinates with the same dynamics up to half a frequency in Hz.
+        """Return a train with fewer coordinates and the same dynamics up to half a frequency in Hz.
 
         The reduction keeps the coordinates on which meshes, loads and harmonic forces act, and the
         modes of the other coordinates below 1.5 times `frequency` (Craig and Bampton, AIAA J. 6
@@ -586,7 +588,7 @@ class GearTrain(Model):
         Raises
         ------
         ValueError
-            If the train was not made by `from_matrices`, or the frequency is wrong.
+            If the train was not created by `from_matrices`, or the frequency is not > 0.
         """
         from gearlib.models.trains.matrices import reduce_train
 
@@ -595,7 +597,7 @@ class GearTrain(Model):
     def state_space(self, inputs=None, outputs=None) -> Any:
         """Return the linear state space about the loaded state, with all flanks at mean stiffness.
 
-        `inputs` are names of forces and `outputs` names of motions or forces; see
+        `inputs` are names of forces, and `outputs` are names of motions or forces; see
         `gearlib.state_space`.
         """
         from gearlib.models.trains.linear_systems import state_space
@@ -623,7 +625,7 @@ class GearTrain(Model):
 
     @checked
     def campbell(self, count: Orders = 3) -> xr.Dataset:
-        """Return the critical speeds, where harmonics of mesh frequencies meet natural frequencies.
+        """Return the critical speeds, at which mesh harmonics coincide with natural frequencies.
 
         The natural frequencies are computed by `modes` and do not depend on the speed.
 
@@ -642,20 +644,20 @@ class GearTrain(Model):
 
     @cached_property
     def _static_state(self) -> np.ndarray:
-        """State of static equilibrium at phase 0, from which sweeps start."""
+        """State of static equilibrium at phase 0, the initial state of sweeps."""
         return self._static_state_under(1.0)
 
     def _static_state_under(self, load_ratio: float) -> np.ndarray:
-        """Return the state of static equilibrium at phase 0 with a factor on all torques."""
+        """Return the state of static equilibrium at phase 0, with all torques scaled."""
         q = statics.equilibrium(self, load_ratio=load_ratio).q
         return np.append(q / self.static_deflection, np.zeros(q.size))
 
     def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, ...]:
-        """Return the state of static equilibrium at mesh phase 0, in static deflections.
+        """Return the state of static equilibrium at mesh phase 0.
 
-        `load` is a factor on all torques; the tuning has no effect. The state holds the
-        coordinates, then their rates. Without an equilibrium the result is (0, 0), at which flanks
-        just touch.
+        The state consists of coordinates, in units of the static deflection, and their rates.
+        `load` is a factor on all torques; `tuning` has no effect. If there is no equilibrium, the
+        result is (0, 0), at which flanks just touch.
         """
         try:
             state = self._static_state if load == 1.0 else self._static_state_under(load)
@@ -664,12 +666,12 @@ class GearTrain(Model):
             return 0.0, 0.0
 
     def start_state(self, initial_state: Any) -> np.ndarray:
-        """Return the initial state (q, dq/dtau), shape (size,), in static deflections.
+        """Return the initial state (q, dq/dtau) as an array, shape (size,).
 
-        tau is the mesh phase in rad. The argument (0, 0) means that all coordinates and rates are
-        0, so that flanks without errors just touch. "static" means the static equilibrium with the
-        stiffness at tau = 0, without forces of a rotating frame. Otherwise the argument is the
-        state itself. Raises ValueError for anything else.
+        tau is the mesh phase in rad, and q is in units of the static deflection. `initial_state` is
+        the state itself, (0, 0) for all zeros, so that flanks without errors just touch, or
+        "static" for the static equilibrium with the stiffness at tau = 0, without forces of a
+        rotating frame. Raises ValueError for anything else.
         """
         if isinstance(initial_state, str):
             checks.check_choice("initial_state", initial_state, ("static",))
@@ -693,15 +695,15 @@ class GearTrain(Model):
 
     @property
     def flank_lines(self) -> np.ndarray:
-        """Displacements, in static deflections, at which (drive, coast) contact begins, (2, m)."""
+        """Displacements at which (drive, coast) contact begins, in static deflections, (2, m)."""
         backlash = np.array([mesh.backlash for mesh in self.meshes])
         return np.stack([np.zeros(backlash.size), -backlash / self.static_deflection])
 
     def check_state(self, initial_state: Any) -> Any:
-        """Return a checked initial state: "static", or a tuple of numbers.
+        """Check an initial state, and return it as "static" or as a tuple of numbers.
 
-        The tuple holds all coordinates and rates, or is (0, 0) for zeros. Raises ValueError
-        otherwise.
+        The tuple contains all coordinates and rates, or is (0, 0) for zeros. Raises ValueError for
+        anything else.
         """
         state = self.start_state(initial_state)
         if isinstance(initial_state, str):
@@ -715,31 +717,32 @@ class GearTrain(Model):
     contact_monodromy = contact_monodromy
 
     def disturbed_state(self, state: Any, disturbance: float) -> tuple[float, ...]:
-        """Return an initial state with a multiple of the first elastic mode added.
+        """Return an initial state to which a multiple of the first elastic mode is added.
 
-        `disturbance` is the largest displacement of the added mode, in static deflections.
+        `disturbance` is the largest displacement of the added mode in units of the static
+        deflection.
         """
         state = self.start_state(state)
-        # The columns of `lift` are states of the elastic modes, scaled to a largest entry of 1.
+        # The columns of `lift` are states of the elastic modes whose largest entry is 1.
         _, lift = self.reduction()
         return tuple(map(float, state + disturbance * lift[:, 0]))
 
     def coordinates(self) -> dict[str, list]:
-        """Return the dataset coordinates that belong to the train: name -> labels."""
+        """Return the dataset coordinates of the train as a dict name -> labels."""
         return {"component": list(self.components)} | self.names
 
     @property
     def names(self) -> dict[str, list]:
-        """Labels of the dimensions mesh, body and axis of datasets."""
+        """Labels of the dataset dimensions mesh, body and axis."""
         names = {"mesh": self.mesh_names, "body": self.body_names, "axis": AXES}
         return {dimension: list(values) for dimension, values in names.items()}
 
     def empty_record(self, samples: int = 0, events: int = 16) -> tuple:
-        """Return uninitialized tables (samples, events, summary) for the record of a run.
+        """Allocate uninitialized tables (samples, events, summary) for the record of a run.
 
-        `samples` and `events` are their numbers of rows; the summary has one row per mesh. The
-        columns of samples are, for each mesh, displacement, velocity, acceleration, contact,
-        stiffness and force, then one for each coordinate.
+        `samples` and `events` are the numbers of rows of the first two tables; the summary has one
+        row per mesh. The columns of the samples are displacement, velocity, acceleration, contact,
+        stiffness and force for each mesh, followed by the coordinates.
         """
         m = len(self.meshes)
         sample_columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
@@ -747,21 +750,22 @@ class GearTrain(Model):
         return tuple(map(np.empty, shapes))
 
     def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
-        """Return the motions of the bodies as a dataset variable: name -> (dims, values).
+        """Return the motions of the bodies as a dataset variable {name: (dims, values)}.
 
-        The last columns of the table `samples`, shape (samples, columns), are the coordinates q.
+        The last columns of the table `samples`, shape (samples, columns), are the coordinates.
         """
-        coordinates = samples[:, samples.shape[1] - self.size // 2 :]
+        coordinate_count = self.size // 2
+        coordinates = samples[:, samples.shape[1] - coordinate_count :]
         motion = np.einsum("ban,kn->kba", self.structure.motions, coordinates)
         return {"body_motion": (("phase", "body", "axis"), motion)}
 
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
-        """Return the force ratio and load sharing of each mesh: name -> (dims, values).
+        """Return force ratios and load sharing of the meshes as variables name -> (dims, values).
 
-        The force ratio is the largest force over the static force of the linear train, both without
-        signs; it is NaN for a mesh without load. `summaries`, shape (..., m, columns), are summary
-        tables of runs over a `span` of phase in rad; `dims` name their dimensions without the
-        columns.
+        The force ratio is the largest force over the static force of the linear train, in absolute
+        values; it is NaN for a mesh without load. `summaries`, shape (..., m, columns), are summary
+        tables of runs, `dims` are the dimensions of all axes but the last, and `span` is the phase
+        of the record in rad.
         """
         force_ratios = self.force_ratios(summary.largest_force(summaries))
         shares = statics.load_shares(self, summaries[..., orbit.FORCE_SUM] / span)
@@ -779,17 +783,17 @@ class GearTrain(Model):
             `mesh`: mesh_x, mesh_y (m) and, over `gear` too, mesh_gear, pitch_radius (m); and
             frame_turns, misfit (m). body_turns and frame_turns are the speeds of the bodies and of
             the frame of the positions in the housing, in radians per radian of reference mesh
-            phase; misfit is the largest distance between positions of one axis that follow from
-            different loops of meshes.
+            phase; misfit is the largest distance between positions of the same axis that follow
+            from different paths of meshes and shafts.
         """
         return layout.layout(self)
 
     @property
     def mean_forces(self):
-        """Static mesh forces of the linear train without errors, over the load, shape (m,).
+        """Static mesh forces of the linear train relative to the load, shape (m,).
 
-        In this train all flanks are in contact at mean stiffness; a negative force loads the coast
-        side.
+        In the linear train, all flanks are in contact at mean stiffness and errors are neglected. A
+        negative force loads the coast side.
         """
         mean_stiffness = np.array([mesh.mean_stiffness for mesh in self.meshes])
         forces = mean_stiffness * self.static_mesh_displacements / self.load
@@ -797,34 +801,35 @@ class GearTrain(Model):
         return np.where(np.abs(forces) > 1e-9 * np.abs(forces).max(), forces, 0.0)
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return matrices (reduce, lift) from states to amplitudes of the elastic modes, and back.
+        """Return matrices (reduce, lift) from states to elastic mode amplitudes, and back.
 
-        They remove the rigid-body rotation, which no spring resists. Both act on coordinates and
-        rates. Coriolis forces exchange angular momentum between elastic modes and rigid-body
-        rotation; lifted rates keep its sum. Raises ValueError if other forces act on the rigid-body
-        rotation.
+        They remove and restore rigid-body rotation in coordinates and rates. Coriolis forces
+        exchange angular momentum between elastic modes and rigid-body rotation; `lift` conserves
+        the sum. Raises ValueError if other forces act on the rigid-body rotation.
         """
         free = self.free_motions
         _, shapes = self.linear_modes
         structure, frame_rate = self.structure, 0.0
         forces = [structure.damping]
         if self.gyroscopic:
-            # The speed of the frame is per radian of mesh phase, like the rates of a state.
+            # This speed is per radian of mesh phase, like the rates of a state.
             frame_rate = float(self.speeds.frame)
             forces += [structure.centrifugal, structure.circulatory, free.T @ structure.coriolis]
             if any(max(mesh.friction) for mesh in self.meshes):
                 forces.append(structure.sliding_jacobian)
         for matrix in forces:
-            # Each force is compared with the size of the terms that cancel in it.
+            # The tolerance is relative to the magnitudes of the terms, which may cancel.
             if (np.abs(matrix @ free) > 1e-9 * (np.abs(matrix) @ np.abs(free))).any():
                 raise ValueError(
-                    "this train is not allowed here: its free rotation must feel neither damping "
-                    "nor, with gyroscopic = True, friction or centrifugal forces"
+                    "this train is not allowed here: neither damping nor, with gyroscopic = True, "
+                    "friction or centrifugal forces must act on its rigid-body rotation"
                 )
-        # The largest entry of a lifted mode is 1, so that residuals are in static deflections.
+        # The largest entry of a lifted mode is 1, so that residuals are in units of the static
+        # deflection.
         scale = np.abs(shapes).max(axis=0)
-        half_reduce = (structure.mass @ shapes * scale).T
-        half_lift = shapes / scale
-        lift, n = np.kron(np.eye(2), half_lift), len(shapes)
-        lift[n:, : scale.size] -= frame_rate * free @ (free.T @ structure.coriolis @ half_lift)
-        return np.kron(np.eye(2), half_reduce), lift
+        reduce_coordinates = (structure.mass @ shapes * scale).T
+        lift_coordinates = shapes / scale
+        lift, n = np.kron(np.eye(2), lift_coordinates), len(shapes)
+        momentum_change = free.T @ structure.coriolis @ lift_coordinates
+        lift[n:, : scale.size] -= frame_rate * free @ momentum_change
+        return np.kron(np.eye(2), reduce_coordinates), lift

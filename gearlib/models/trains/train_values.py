@@ -1,8 +1,8 @@
 """Numbers of a train that can be read and changed by name.
 
-A number of one element has a name as in error messages, such as ``inertia of body sun``. The name
-of a mesh field alone, such as ``backlash``, refers to all meshes, if they share one value. The name
-of a support without an axis refers to both axes.
+The name of a number is e.g. ``inertia of body sun``, as in error messages. The name of a mesh
+field, e.g. ``backlash``, refers to all meshes if they have the same value. The name of a support
+without an axis refers to both axes.
 """
 
 import dataclasses
@@ -56,27 +56,28 @@ FIELDS: dict = {
 
 
 def shared_value(train: "GearTrain", name: str) -> float:
-    """Return the value of a continuation parameter that all meshes of a train share.
+    """Return the common value of a continuation parameter of all meshes of a train.
 
-    `name` is a key of `PARAMETERS`, such as "contact_ratio". The parameter backlash_ratio is the
-    backlash in static deflections. Raises ValueError if the meshes have different values.
+    `name` is a key of `PARAMETERS`, e.g. "contact_ratio". The parameter backlash_ratio is the
+    backlash in units of the static deflection. Raises ValueError if the meshes have different
+    values.
     """
     field = "backlash" if name == "backlash_ratio" else name
     values = {getattr(mesh, field) for mesh in train.meshes}
     if len(values) > 1:
         raise ValueError(
-            f"parameter = {name!r} is not allowed for this train: its meshes must share one value, "
-            f"not {', '.join(map(repr, sorted(values)))}"
+            f"parameter = {name!r} is not allowed for this train: all meshes must have the same "
+            f"value, not {', '.join(map(repr, sorted(values)))}"
         )
     value = values.pop()
     return value / train.static_deflection if name == "backlash_ratio" else value
 
 
 def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain":
-    """Return a checked copy of a train with a new value of a parameter for all its meshes.
+    """Return a copy of a train with a new value of a continuation parameter in all meshes.
 
-    `name` is a key of `PARAMETERS`, such as "contact_ratio". The maximum stiffness is adapted so
-    that the mean stiffness, and with it natural frequencies and static deflection, do not change.
+    `name` is a key of `PARAMETERS`, e.g. "contact_ratio". The maximum stiffness is adjusted so that
+    the mean stiffness, the natural frequencies and the static deflection do not change.
     """
     if name == "backlash_ratio":
         value = parameters.check(name, value, Backlash) * train.static_deflection
@@ -93,10 +94,10 @@ def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain
 
 
 def _elements(train: "GearTrain") -> dict[tuple, Any]:
-    """Return the elements of a train: (kind, name) -> `Body`, `Shaft` or `Mesh`.
+    """Return the elements of a train as a dict (kind, name) -> `Body`, `Shaft` or `Mesh`.
 
-    The kind is "body", "shaft" or "mesh". A train given by matrices has no bodies here, because its
-    masses and stiffnesses are in the matrices.
+    The kind is "body", "shaft" or "mesh". The bodies of a train given by matrices are omitted,
+    because the matrices contain their masses and stiffnesses.
     """
     bodies = () if train.matrices is not None else train.bodies
     return (
@@ -106,18 +107,18 @@ def _elements(train: "GearTrain") -> dict[tuple, Any]:
     )
 
 
-def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
-    """Return where the numbers of a train are stored: name -> [(element, field, axes)].
+def _number_locations(train: "GearTrain") -> dict[str, list[tuple]]:
+    """Return where the numbers of a train are stored, a dict name -> [(element, field, axes)].
 
-    A name is, for example, "inertia of body sun". An element is (kind, name), such as ("body",
-    "sun"). `axes` is "x", "y" or "xy" for fields with a pair of values along x and y, else "". Left
-    out are missing values and springs of infinite stiffness.
+    The name is e.g. "inertia of body sun". The element is a pair (kind, name), e.g. ("body",
+    "sun"). `axes` is "x", "y" or "xy" for a field with values along x and y, and "" for other
+    fields. Missing values and springs with infinite stiffness are omitted.
     """
     locations: dict = {}
     for element_key, element in _elements(train).items():
         for field in FIELDS[element_key[0]]:
             value, name = getattr(element, field), f"{field} of {' '.join(element_key)}"
-            # "support", "torsional" or "bending" if the field belongs to such a spring.
+            # For example, the spring of support_damping is "support".
             spring = field.removesuffix("_stiffness").removesuffix("_damping")
             stiffness = None
             if spring != field:
@@ -127,10 +128,10 @@ def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
                 if value is not None and not is_rigid:
                     locations[name] = [(element_key, field, "")]
                 continue
-            stiffness_xy = stiffness or (0.0, 0.0)  # The offset, a pair too, has no stiffness.
+            stiffness_xy = stiffness or (0.0, 0.0)  # The offset is a pair without a stiffness.
             axes = [axis for axis, k in zip("xy", stiffness_xy, strict=True) if math.isfinite(k)]
             values = {value["xy".index(axis)] for axis in axes}
-            # Equal values along x and y also have a common name, except for an offset, a vector.
+            # Equal values along x and y also have a common name, except for the offset vector.
             if field != "offset" and len(values) == 1:
                 locations[name] = [(element_key, field, "".join(axes))]
             for axis in axes:
@@ -139,10 +140,10 @@ def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
 
 
 def _shared_locations(train: "GearTrain") -> dict[str, list[tuple]]:
-    """Return where the mesh fields with equal values in all meshes are stored.
+    """Return where the mesh fields are stored that have the same value in all meshes.
 
-    The result maps the name of a field to [(element, field, ""), ...], one entry per mesh, where an
-    element is ("mesh", name).
+    The result maps a field to [(element, field, ""), ...] with one entry per mesh, where the
+    element is ("mesh", name of the mesh).
     """
     return {
         field: [(("mesh", mesh.name), field, "") for mesh in train.meshes]
@@ -152,41 +153,39 @@ def _shared_locations(train: "GearTrain") -> dict[str, list[tuple]]:
 
 
 def settable(train: "GearTrain") -> dict[str, tuple[str, str]]:
-    """Return the numbers of a train that can be changed: name -> (CF units, description).
+    """Return the numbers of a train that can be changed, a dict name -> (CF units, description).
 
-    Names are, for example, "inertia of body sun"; the name of a mesh field alone refers to all
-    meshes. A change of the number ``load`` changes all torques in proportion.
+    A name is e.g. "inertia of body sun". The name of a mesh field refers to all meshes, and
+    ``load`` scales all torques.
     """
     descriptions = {"load": ("N", "load, all torques in proportion")}
     for field in _shared_locations(train):
         units, description = FIELDS["mesh"][field]
         descriptions[field] = units, f"{description} of all meshes"
-    # Each of these lists has a single entry.
-    for name, [((kind, _), field, _)] in _locations(train).items():
+    for name, [((kind, _), field, _)] in _number_locations(train).items():
         units, description = FIELDS[kind][field]
         descriptions[name] = units, description + name.removeprefix(field)
     return descriptions
 
 
 def value(train: "GearTrain", name: str) -> float:
-    """Return a number of a train by its name in `settable`, such as "inertia of body sun".
-
-    A name of several equal numbers gives the first of them.
-    """
+    """Return a number of a train by its name, a key of `settable`, e.g. "inertia of body sun"."""
     if name == "load":
         return train.load
-    element_key, field, axes = (_shared_locations(train) | _locations(train))[name][0]
+    locations = _shared_locations(train) | _number_locations(train)
+    element_key, field, axes = locations[name][0]  # All values with the same name are equal.
     entry = getattr(_elements(train)[element_key], field)
     return entry["xy".index(axes[0])] if axes else entry
 
 
 def with_values(train: "GearTrain", new_values: dict[str, float]) -> "GearTrain":
-    """Return a checked copy of a train with new values of numbers: name -> value.
+    """Return a copy of a train with new values of some of its numbers.
 
-    `new_values` has keys of `settable`, such as "inertia of body sun". The number "load" scales all
-    torques, or the constant forces of given matrices.
+    `new_values` maps keys of `settable`, e.g. "inertia of body sun", to values. The number "load"
+    scales all torques, or the constant forces of given matrices.
     """
-    locations, elements = _shared_locations(train) | _locations(train), _elements(train)
+    locations = _shared_locations(train) | _number_locations(train)
+    elements = _elements(train)
     new_fields: dict = {element_key: {} for element_key in elements}  # element -> field -> value
     for name, new_value in new_values.items():
         if name == "load" and train.matrices is not None:
