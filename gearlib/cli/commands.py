@@ -377,7 +377,7 @@ def frequencies(speed, **values):
         raise click.UsageError("--speed is missing: give it, as in --speed 1500rpm")
     if gears.kind != "train" and gears.geometry is None:
         raise click.UsageError("gears is missing: give the geometry of the gears, or --model train")
-    model = gears.model() if gears.kind == "train" else gears.geometry.mesh()
+    model = gears.model() if gears.kind == "train" else gears.geometry.gear_stage()
     # The column "of" names the shaft, mesh or other component.
     header, *rows = frequency_rows(gearlib.characteristic_frequencies(model, float(speed)))
     output.print_table(pandas.DataFrame(rows, columns=header).set_index("of"))
@@ -582,8 +582,8 @@ def gears(format, save, plot, force, **values):
     damping = gears.configuration.dampings[gears.damping].configured_values()
     # The table has every stiffness method, but the options are for the configured method.
     options_by_method = {section.stiffness or "iso": section.stiffness_options}
-    load = section.load() | {"damping": damping}
-    rows = gear_table.gear_quantities(section.mesh(), options=options_by_method, **load)
+    load = section.load_arguments() | {"damping": damping}
+    rows = gear_table.gear_quantities(section.gear_stage(), options=options_by_method, **load)
     if section.speed and gears.damping != NO_DAMPING:
         model = gears.model()
         point = section.speed, section.driving_torque()

@@ -83,7 +83,7 @@ class Gears(NamedTuple):
         """
         parts = [self.name, self.stiffness(model)]
         if self.geometry and self.geometry.backlash is None:
-            mesh = self.geometry.mesh()
+            mesh = self.geometry.gear_stage()
             if mesh.has_recommended_backlash:
                 parts.append(f"recommended backlash {1e6 * mesh.backlash:.4g} um (none is given)")
         return "; ".join(parts)

@@ -210,7 +210,7 @@ class Config(Section):
         """Number of mesh periods that are recorded at the end of each run."""
         return self.run.recorded_revolutions * self.gear_pair.teeth
 
-    def pair(self, damping: str | Damping | None = None, change: Any = None) -> dict:
+    def pair_description(self, damping: str | Damping | None = None, change: Any = None) -> dict:
         """Return a dict that describes the gear pair with one damping combination.
 
         It has the key "model" with the value "pair", and the arguments with which
@@ -248,11 +248,12 @@ class Config(Section):
             }
             return {"model": "teeth", "pitch_errors": pitch_errors} | section
         if kind == "train":
-            pair = self.pair(damping) if self.train.kind in PAIR_TRAINS else None
+            pair = self.pair_description(damping) if self.train.kind in PAIR_TRAINS else None
             return {"model": "train", "pair": pair, **self.train.description()}
         if kind == "six_degrees":
-            return {"model": kind, "pair": self.pair(damping), **self.six_degree_parameters()}
-        return self.pair(damping)
+            pair = self.pair_description(damping)
+            return {"model": kind, "pair": pair, **self.six_degree_parameters()}
+        return self.pair_description(damping)
 
     def six_degree_parameters(self) -> dict:
         """Return the arguments of `gearlib.SixDegreePair` except `pair`, as a dict.

@@ -48,7 +48,7 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
     six_degrees = mapping.get("six_degrees") or {}
     if gears:
         defaults["resonance"] = _resonance_range(mapping.get("resonance"), pair, gears.speed)
-        defaults["six_degrees"] = gears.six_degrees()
+        defaults["six_degrees"] = gears.six_degree_values()
         # The test problem "six_degrees" requires bearings, which `gears` does not define.
         if "bearing_stiffness" not in six_degrees:
             other_problems = [name for name in get_args(Problem) if name != "six_degrees"]
@@ -77,7 +77,7 @@ def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | 
     try:
         if "gears" in mapping:
             gears = Gears.model_validate(mapping["gears"])
-            pair = GearPairSection(**gears.pair())
+            pair = GearPairSection(**gears.pair_values())
         else:
             pair = GearPairSection.model_validate(mapping.get("gear_pair"))
         context = {"pair": pair, "by_geometry": gears is not None}

@@ -79,7 +79,7 @@ def gear_pair_name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool =
     if gears is None:
         return name
     # By default, the geometry determines the method for tooth pairs; the rectangle uses ISO 6336.
-    method = gears.stiffness or (gears.mesh().tooth_stiffness if teeth else "iso")
+    method = gears.stiffness or (gears.gear_stage().tooth_stiffness if teeth else "iso")
     name += f"; {'pairs of teeth' if teeth else 'rectangle'}, {METHOD_NAMES[method]}"
     return name + (describe_unused_options(gears) if teeth else "")
 

@@ -118,7 +118,7 @@ class StageSection(_Placed):
     wheel: WheelSection
     torque: p.DrivingTorque = field("Torque of the pinion, N m.")
 
-    def mesh(self) -> GearStage:
+    def gear_stage(self) -> GearStage:
         """Return the two gears as a `gearlib.geometry.GearStage`.
 
         Values omitted in the section of the wheel are taken from the pinion.
@@ -137,9 +137,9 @@ class StageSection(_Placed):
         # The default gears are known to be valid; checking them would slow down the workflow.
         if any(values.items() <= pair.items() for pair in (FZG_C, Z20_PAIR)):
             return
-        mesh = self.mesh()
+        stage = self.gear_stage()
         for method in stiffness_methods:
-            mesh.pair_parameters(torque=self.torque, stiffness=method)
+            stage.pair_parameters(torque=self.torque, stiffness=method)
 
     def modification_key(self, *keys: str) -> str:
         """Return the first of `keys` that is given for a gear, e.g. "pinion.tip_relief", or "".
@@ -163,10 +163,10 @@ class Gears(MethodSection, StageSection):
     @model_validator(mode="after")
     def _check(self) -> "Gears":
         """Raise ValueError if no gear pair can be derived from the geometry."""
-        self.pair()
+        self.pair_values()
         return self
 
-    def load(self) -> dict[str, float]:
+    def load_arguments(self) -> dict[str, float]:
         """Return those of torque (N m), power (W) and speed (rpm) of the pinion that are given."""
         return self.model_dump(include={"torque", "power", "speed"})
 
@@ -178,19 +178,19 @@ class Gears(MethodSection, StageSection):
         """Return geometry, stiffness method and torque of the pinion (N m) as a dict."""
         return self.model_dump(exclude={"power", "speed"}) | {"torque": self.driving_torque()}
 
-    def pair(self) -> dict:
+    def pair_values(self) -> dict:
         """Return the values of the section `gear_pair`, computed from the geometry, as a dict.
 
         They are rounded to 12 digits. The damping has its own section.
         """
-        mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
+        stage, arguments = self.gear_stage(), self.load_arguments() | self.stiffness_arguments()
         with checks.prefix_error_paths(
             "", outer_diameter="wheel.outer_diameter", **self.option_keys()
         ):
-            values = mesh.pair_parameters(**arguments)
+            values = stage.pair_parameters(**arguments)
         return {name: rounded(value) for name, value in values.items() if "damping" not in name}
 
-    def six_degrees(self) -> dict:
+    def six_degree_values(self) -> dict:
         """Return the values of the section `six_degrees`, computed from the geometry, as a dict.
 
         They are the radii, inertias and masses of both gears and the mesh phase at the pitch point.
@@ -198,9 +198,9 @@ class Gears(MethodSection, StageSection):
         cannot be computed from the gears.
         """
         zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
-        values = {key: rounded(value) for key, value in six_degree_parameters(self.mesh()).items()}
-        del values["teeth"]
-        return values | zeros
+        parameters = six_degree_parameters(self.gear_stage())
+        del parameters["teeth"]
+        return {key: rounded(value) for key, value in parameters.items()} | zeros
 
 
 class PublishedPair(StageSection):

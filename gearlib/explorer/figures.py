@@ -1,4 +1,4 @@
-"""Figures of the explorer, whose curves are Bokeh data sources with names."""
+"""Figures of the explorer. Each curve has a named Bokeh data source."""
 
 import math
 from collections import defaultdict
@@ -12,29 +12,30 @@ from gearlib.analysis.duty_point import iso_dynamic_factor
 from gearlib.explorer.view import SAMPLES, SHOWN_PERIODS, TORQUE_RATIOS, View
 from gearlib.figures.style import PALETTE
 
-#: Fraction of the window height, and minimum height in px, of the resonance curve and of others.
+#: Heights (fraction of the window height, minimum in px) of the resonance curve and of others.
 _LARGE_HEIGHT, _SMALL_HEIGHT = (0.55, 300), (0.45, 250)
-#: Minimum width of a figure, width of its y-axis labels, height of heading and note, px.
+#: Minimum width of a figure, width of its y axis labels, height of heading and note, px.
 _MIN_WIDTH, _LABEL_WIDTH, _HEADING_HEIGHT = 260, 65, 200
-#: Smallest amplitude that is drawn, over the mean force.
+#: Smallest amplitude to draw, relative to the mean force.
 _MIN_AMPLITUDE = 1e-6
-#: Curves of the resonance figure: extrema of both sweeps. Indices of colours in the palette.
+#: Curves of the resonance figure: extrema of both sweeps.
 _SWEEPS = ("up", "up_min", "down", "down_min")
+#: Indices of `PALETTE`.
 _FIRST_COLOUR, _SECOND_COLOUR, _GREY = 0, 4, 3
 _SPEED_LABEL = "speed of the pinion, rpm"
 
 
 class Figures:
-    """The figures of the explorer: over the tuning, or over the speed for gears given by geometry."""
+    """The figures of the explorer, over the tuning or, with gear geometry, over the speed."""
 
     def __init__(self, by_geometry: bool):
         """Create empty figures; for gears given by geometry, add figures of the teeth and a table.
 
-        Each curve has a name, which is a key of `sources`; when the points of this data source are set,
-        the curve is redrawn.
+        Each curve has a name, which is a key of `sources`; when the points of this data source are
+        set, the curve is redrawn.
         """
         self.by_geometry = by_geometry
-        # Names of the curves of the Harris map: torques over the chosen torque, which is the last.
+        # Names of the curves of the Harris map: relative torques; the chosen torque is the last.
         self.harris_names = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]
         self.sources = defaultdict(lambda: ColumnDataSource({"x": [], "y": []}))
         self.table = pn.pane.Markdown("", width=290)
@@ -57,7 +58,8 @@ class Figures:
         """Draw the results of a view in all figures, and return its message.
 
         A `View` contains the results for one position of the sliders. For gears given by geometry,
-        curves are over the speed, otherwise over the tuning (mesh frequency over natural frequency).
+        curves are over the speed, otherwise over the tuning (mesh frequency over natural
+        frequency).
         """
         tuning = float(view.run.tuning)
         if self.by_geometry:
@@ -85,8 +87,8 @@ class Figures:
     def _draw_curves(self, curves) -> None:
         """Draw dynamic factor and transmission error over the speed, and lines at the jumps.
 
-        `curves` is a result of `gearlib.studies.teeth_over_speed.sweep_speeds`, for rising ("up") and
-        falling ("down") speed.
+        `curves` is a result of `gearlib.studies.teeth_over_speed.sweep_speeds`, for rising ("up")
+        and falling ("down") speed.
         """
         speed = curves.speed.values
         for name in ("up", "down"):
@@ -96,12 +98,12 @@ class Figures:
         iso = curves.get("iso_dynamic_factor")
         factors = np.full(speed.size, np.nan) if iso is None else iso.values
         self._set_points("iso", speed, factors)
-        # If the jumps up and down have equal speeds, the directions differ at this speed only.
+        # If the speeds of both jumps are equal, the directions differ only at this speed.
         jump_up, jump_down = curves.jump_up_speed.values, curves.jump_down_speed.values
         is_wide = jump_up > jump_down
         jumps = np.concatenate([jump_up[is_wide], jump_down[is_wide]])
         max_factor = float(np.nanmax(curves.dynamic_factor))
-        # Vertical lines are separated by NaN; one NaN is appended for a curve without points.
+        # Vertical lines are separated by NaN; the last NaN avoids an empty curve without jumps.
         x = np.column_stack([jumps, jumps, np.full(jumps.size, np.nan)]).ravel()
         y = np.tile([0.0, max_factor, np.nan], jumps.size)
         self._set_points("jumps", np.append(x, np.nan), np.append(y, np.nan))
@@ -109,13 +111,14 @@ class Figures:
     def _draw_teeth(self, view: View) -> None:
         """Show the results for gears given by geometry: table, Harris map and load share.
 
-        A Harris map shows the transmission error at several torques. The load share is the fraction of
-        the load that one tooth pair carries.
+        A Harris map shows the transmission error at several torques. The load share is the fraction
+        of the load that one tooth pair carries.
         """
         rows = [f"| {name} | {value} |" for name, value in derived_quantities(view)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
-        error = view.transmission_error
-        # With pitch errors the curves span several mesh periods; their first point closes them.
+        error = view.harris_map
+        # With pitch errors, curves span several mesh periods. The first point is repeated at the
+        # end.
         period_count = len(view.stage.pitch_errors)
         phase = np.append(error.phase.values / math.tau, period_count)
         for name, curve in zip(self.harris_names, error.transmission_error.values, strict=True):
@@ -132,9 +135,9 @@ class Figures:
         A line is a tuple (name of its data source, colour index in `PALETTE`, options of
         `figure.line`). `options` are passed to `bokeh.plotting.figure`.
         """
-        settings = {"sizing_mode": "stretch_both", "min_border_left": _LABEL_WIDTH}
-        settings |= {"toolbar_location": None, "title": title} | options
-        plot = figure(x_axis_label=x, y_axis_label=y, **settings)
+        figure_options = {"sizing_mode": "stretch_both", "min_border_left": _LABEL_WIDTH}
+        figure_options |= {"toolbar_location": None, "title": title} | options
+        plot = figure(x_axis_label=x, y_axis_label=y, **figure_options)
         for name, colour_index, line_options in lines:
             source = self.sources[name]
             plot.line("x", "y", source=source, color=PALETTE[colour_index], **line_options)
@@ -147,7 +150,7 @@ class Figures:
         displacement extrema over the tuning (mesh frequency over natural frequency).
         """
         if self.by_geometry:
-            title, y = "Pairs of teeth: dynamic factor", "dynamic factor"
+            title, y = "Tooth pairs: dynamic factor", "dynamic factor"
             x = _SPEED_LABEL
             lines = [
                 ("up", _FIRST_COLOUR, {"legend_label": "running up"}),
@@ -170,14 +173,14 @@ class Figures:
     def _motion_figures(self) -> list:
         """Create the figures of the motion at the chosen speed.
 
-        They show the phase plane, the time history, the Floquet multipliers (growth of perturbations
-        per period) with the unit circle, and the order spectrum of the mesh force.
+        They show the phase plane, the time history, the Floquet multipliers (growth of
+        perturbations per period) with the unit circle, and the order spectrum of the mesh force.
         """
         orbit = ("plane", _FIRST_COLOUR, {})
         plane = self._create_plot("Phase plane", "displacement", "velocity dx/dτ", orbit)
         displacement = ("history", _FIRST_COLOUR, {"legend_label": "displacement"})
         force = ("force", _SECOND_COLOUR, {"legend_label": "dynamic force / load"})
-        history = self._create_plot("Time course", "mesh phase τ, rad", "", displacement, force)
+        history = self._create_plot("Time history", "mesh phase τ, rad", "", displacement, force)
         history.add_layout(history.legend[0], "below")
         history.legend.orientation = "horizontal"
         multipliers = self._create_plot("Floquet multipliers", "real part", "imaginary part")
@@ -191,10 +194,10 @@ class Figures:
         return [plane, history, multipliers, spectrum]
 
     def _teeth_figures(self) -> list:
-        """Create the figures of the Harris map, the load share, and the transmission error over speed.
+        """Create the figures of Harris map, load share, and transmission error over the speed.
 
-        A Harris map shows the transmission error over the mesh phase at several torques. The load share
-        is that of one tooth pair along its path of contact.
+        A Harris map shows the transmission error over the mesh phase at several torques. The load
+        share is that of one tooth pair along its path of contact.
         """
         lines = [(name, _GREY, {"legend_label": name}) for name in self.harris_names[:-1]]
         lines.append(("chosen", _FIRST_COLOUR, {"line_width": 3, "legend_label": "1"}))  # ratio
@@ -202,7 +205,7 @@ class Figures:
         harris_map = self._create_plot("Harris map", x, y, *lines)
         harris_map.add_layout(harris_map.legend[0], "below")
         harris_map.legend.update(orientation="horizontal", title="torque over the chosen one")
-        title, x = "Load share of a pair of teeth", "position on the path of contact, mm"
+        title, x = "Load share of a tooth pair", "position on the path of contact, mm"
         share = self._create_plot(title, x, "", ("share", _FIRST_COLOUR, {}))
         lines = [("up_error", _FIRST_COLOUR, {}), ("down_error", _SECOND_COLOUR, {})]
         title = "Transmission error, peak to peak"
@@ -221,7 +224,7 @@ def _load_share_along_path(error, phases: int):
     # The pair enters the path of contact at this phase.
     start = int(np.argmin(position[:phases, 0]))
     steps = np.arange(phases * position.shape[1])
-    # After each mesh period the pair is stored under the next index of pairs.
+    # After each mesh period, the index of the pair increases by one.
     entries = (start + steps) % len(position), steps // phases
     on_path = np.isfinite(position[entries])
     return 1e3 * position[entries][on_path], load_share[entries][on_path]
@@ -236,7 +239,7 @@ def _stem_lines(spectrum):
     amplitude = spectrum.force_amplitude.values
     is_shown = amplitude > _MIN_AMPLITUDE * amplitude[0]
     is_shown[0] = False
-    # On a logarithmic axis the lines cannot start at zero.
+    # On a logarithmic axis, lines cannot start at zero.
     lower_ends = np.full(is_shown.sum(), _MIN_AMPLITUDE * amplitude[0])
     gaps = np.full(is_shown.sum(), np.nan)
     y = np.column_stack([lower_ends, amplitude[is_shown], gaps]).ravel()
@@ -248,15 +251,15 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
 
     Dynamic factors and transmission error are those at the chosen speed and torque.
     """
-    mesh, pair = view.stage, view.pair
+    stage, pair = view.stage, view.pair
     quantities = [
-        ("contact ratio", f"{mesh.contact_ratio:.4f}"),
-        ("working pressure angle", f"{math.degrees(mesh.working_pressure_angle):.2f}°"),
-        ("centre distance", f"{1e3 * mesh.centre_distance:.3f} mm"),
+        ("contact ratio", f"{stage.contact_ratio:.4f}"),
+        ("working pressure angle", f"{math.degrees(stage.working_pressure_angle):.2f}°"),
+        ("centre distance", f"{1e3 * stage.centre_distance:.3f} mm"),
         ("K_v at the speed, without the quality", f"{float(view.run.dynamic_factor):.4f}"),
         ("stiffness", str(view.run.attrs["stiffness_model"])),
-        ("backlash", f"{1e6 * mesh.backlash:.4g} µm"),
-        ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.4g} µm"),
+        ("backlash", f"{1e6 * stage.backlash:.4g} µm"),
+        ("least backlash, ISO/TR 10064-2", f"{1e6 * stage.recommended_backlash:.4g} µm"),
         ("C_max", f"{1e-6 * pair.max_stiffness:.4g} N/µm"),
         ("κ", f"{pair.stiffness_ratio:.4f}"),
         ("ε", f"{pair.contact_ratio:.4f}"),
@@ -264,10 +267,10 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.6g} Hz"),
         ("resonance speed", f"{pair.speed(1.0):.6g} rpm"),
     ]
-    factor = iso_dynamic_factor(mesh, float(view.curves.torque), float(view.run.speed))
+    factor = iso_dynamic_factor(stage, float(view.curves.torque), float(view.run.speed))
     if factor is not None:
         quantities.append(("K_v of ISO 6336-1, with the quality", f"{factor:.4f}"))
-    static = view.transmission_error.isel(torque=-1)  # at the chosen torque
+    static = view.harris_map.isel(torque=-1)  # at the chosen torque
     error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
     quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))
     quantities.append(("effective contact ratio", f"{ratio:.4f}"))

@@ -1,4 +1,4 @@
-"""The page of the explorer in Panel: sliders of the gears, figures, a note and a download button.
+"""The page of the explorer in Panel: sliders, figures, a note and a download button.
 
 The button saves the configuration with the values of the sliders.
 """
@@ -23,7 +23,7 @@ from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.pair import GearPair
 from gearlib.parameters import Unit, declared_parameters
 
-#: Smallest number of steps of a slider; tolerance for rounding errors in numbers of steps.
+#: Smallest number of steps of a slider; tolerance for rounding errors of numbers of steps.
 _MIN_STEPS, _TOLERANCE = 200, 1e-9
 _SYMBOLS = {"um": "µm", "deg": "°"}
 _GREEK = {"kappa": "κ", "epsilon": "ε", "beta": "β"}
@@ -96,18 +96,18 @@ class Sliders:
         `mapping` is the content of the configuration file.
         """
         self.mapping, self.damping = mapping, damping
-        settings = config.load(mapping)
-        self.by_geometry = settings.gears is not None
+        configuration = config.load(mapping)
+        self.by_geometry = configuration.gears is not None
         if self.by_geometry:
-            pairs_of_teeth = build_model(settings.gears_model(damping))
+            pairs_of_teeth = build_model(configuration.model_description(damping))
             self.pair, self.stiffness_model = pairs_of_teeth.pair, pairs_of_teeth.stiffness_model
         else:
-            self.pair = build_model(settings.pair(damping))
-        # Rounding restores the ratios from which the damping coefficients were computed.
+            self.pair = build_model(configuration.pair_description(damping))
+        # Rounding restores the ratios from which the damping coefficients have been computed.
         ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
         self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
-        make_sliders = self._geometry_sliders if self.by_geometry else self._pair_sliders
-        self.heading, self.sliders = make_sliders(settings)
+        create_sliders = self._geometry_sliders if self.by_geometry else self._pair_sliders
+        self.heading, self.sliders = create_sliders(configuration)
         for name, symbol, ratio in zip(
             ("damping_ratio", "backlash_damping_ratio"), ("β", "β_m"), self.ratios, strict=True
         ):
@@ -116,13 +116,14 @@ class Sliders:
             )
         self.abscissa = "speed" if self.by_geometry else "tuning"
 
-    def _pair_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
+    def _pair_sliders(self, configuration) -> tuple[str, dict[str, Slider]]:
         """Return the heading of the page and the sliders of a gear pair without geometry, by name.
 
         `configuration` is the validated configuration. Slider limits depend on the initial values.
         """
-        pair, grid, tuning = self.pair, settings.resonance, settings.phase_planes.tunings[0]
-        # Infinite backlash is shown as four static deflections.
+        pair, grid = self.pair, configuration.resonance
+        tuning = configuration.phase_planes.tunings[0]
+        # Infinite backlash is replaced by four static deflections.
         backlash = pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
         heading = f"Gear pair, z {pair.teeth}, load {pair.load:.6g} N"
         values_and_limits = {
@@ -136,21 +137,21 @@ class Sliders:
             sliders[name] = create_parameter_slider(GearPair, name, *value_and_limits)
         return heading, sliders
 
-    def _geometry_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
+    def _geometry_sliders(self, configuration) -> tuple[str, dict[str, Slider]]:
         """Return the heading of the page and the sliders of gears given by geometry, by name.
 
-        `configuration` is the validated configuration; its gear stage is stored as `self.stage`. Slider
-        limits depend on the initial values.
+        `configuration` is the validated configuration; its gear stage is stored as `self.stage`.
+        Slider limits depend on the initial values.
         """
-        self.mesh = mesh = settings.gears.mesh()
-        torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
+        self.stage = stage = configuration.gears.gear_stage()
+        torque, pinion, wheel = configuration.gears.driving_torque(), stage.pinion, stage.wheel
         reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
         heading = (
             f"Gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
             f"width {1e3 * pinion.width:g} mm, {torque:g} N m; {self.stiffness_model}"
         )
         resonance_speed, relief = float(self.pair.speed(1.0)), max(reliefs, default=0.0)
-        speed = settings.gears.speed or float(round(0.9 * resonance_speed))
+        speed = configuration.gears.speed or float(round(0.9 * resonance_speed))
         sliders = {
             f"{gear}_teeth": Slider(f"teeth of the {gear}", z, max(5, z // 2), 2 * z, 1)
             for gear, z in (("pinion", pinion.teeth), ("wheel", wheel.teeth))
@@ -165,9 +166,9 @@ class Sliders:
             sliders[f"{gear}_shift"] = create_slider(label, shift, -1.0, 1.5)
         label = "largest tip relief, µm" if reliefs else "tip relief of both gears, µm"
         sliders["tip_relief"] = create_slider(label, relief, 0.0, max(50e-6, 2.0 * relief), 1e-6)
-        max_backlash = max(400e-6, 3.0 * mesh.backlash)
+        max_backlash = max(400e-6, 3.0 * stage.backlash)
         sliders["backlash"] = create_parameter_slider(
-            GearStage, "backlash", mesh.backlash, 0.0, max_backlash
+            GearStage, "backlash", stage.backlash, 0.0, max_backlash
         )
         sliders["torque"] = create_slider(
             "torque of the pinion, N m", torque, 0.05 * torque, 4.0 * torque
@@ -189,11 +190,11 @@ class Sliders:
             ratios = {name: values[name] for name in ("damping_ratio", "backlash_damping_ratio")}
             changed["dampings"][self.damping] = ratios
         if self.by_geometry:
-            # The other sections fit the initial gears only.
+            # The other sections only suit the initial gears.
             changed = {"gears": changed["gears"], "dampings": changed["dampings"]}
             self._apply_to_geometry(changed["gears"], values, moved)
-            settings = config.load(changed)
-            pair = build_model(settings.pair(self.damping))
+            configuration = config.load(changed)
+            pair = build_model(configuration.pair_description(self.damping))
             tuning = float(pair.tuning_at(values["speed"]))
         else:
             for name in moved & {"stiffness_ratio", "contact_ratio", "backlash", "load"}:
@@ -205,17 +206,17 @@ class Sliders:
     def _apply_to_geometry(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
         """Write the values of the `moved` sliders to the section `gears` of a configuration.
 
-        `values` contains the value of each slider in SI units, by name. Values that are only valid for
-        the initial gears are adapted or deleted: the addendum (of a given tip diameter) and the length
-        of a tip relief remain constant in modules; pitch errors and a given centre distance are
-        deleted.
+        `values` contains the value of each slider in SI units, by name. Values that are only valid
+        for the initial gears are adapted or deleted: the addendum (of a given tip diameter) and the
+        length of a tip relief remain constant in modules; pitch errors and a given centre distance
+        are deleted.
         """
         for name in moved & {"module", "width", "helix_angle"}:
             gears["pinion"][name] = values[name]
-            # Without a value of its own the wheel takes that of the pinion.
+            # If the wheel has no value, that of the pinion is used.
             gears["wheel"].pop(name, None)
         for gear in ("pinion", "wheel"):
-            section, initial = gears[gear], getattr(self.mesh, gear)
+            section, initial = gears[gear], getattr(self.stage, gear)
             for name in ("teeth", "shift"):
                 if f"{gear}_{name}" in moved:
                     section[name] = values[f"{gear}_{name}"]
@@ -237,7 +238,7 @@ class Sliders:
             gears.pop("centre_distance", None)
         if "backlash" in moved:
             gears["backlash"] = values["backlash"]
-        # The torque replaces a given power, because with the power another speed would change it.
+        # A given power is replaced by the torque, which would otherwise change with the speed.
         if "torque" in moved or ("speed" in moved and "power" in gears):
             gears.pop("power", None)
             gears["torque"] = values["torque"]
@@ -247,19 +248,19 @@ class Sliders:
             self._apply_tip_relief(gears, values["tip_relief"])
 
     def _apply_tip_relief(self, gears: dict, amount: float) -> None:
-        """Scale the tip reliefs in the section `gears` so that the largest amount becomes `amount`, m.
+        """Scale the tip reliefs in the section `gears` so that the largest is `amount`, m.
 
-        If there are none, both gears get tip relief of the maximum length. Tip relief is the removal of
-        material at the tips of the teeth.
+        If there are none, both gears get tip relief of the maximum length. Tip relief is the
+        removal of material at the tips of the teeth.
         """
         initial_amount = self.sliders["tip_relief"].initial
         if not initial_amount:
-            length = float(f"{Gears.model_validate(gears).mesh().longest_relief:.12g}")
+            length = float(f"{Gears.model_validate(gears).gear_stage().longest_relief:.12g}")
             for gear in ("pinion", "wheel"):
                 gears[gear]["tip_relief"] = {"amount": amount, "length": length}
             return
         for gear in ("pinion", "wheel"):
-            relief = getattr(self.mesh, gear).tip_relief
+            relief = getattr(self.stage, gear).tip_relief
             if relief:
                 gears[gear]["tip_relief"]["amount"] = relief.amount / initial_amount * amount
 
@@ -270,8 +271,8 @@ class Page:
     def __init__(self, mapping: dict, damping: str):
         """Create the page of a configuration; `damping` names one of its damping combinations.
 
-        `mapping` is the content of the configuration file. `update` is called when a slider is moved,
-        `handle_click` when the user clicks on the resonance curve.
+        `mapping` is the content of the configuration file. `update` is called when a slider is
+        moved, `handle_click` when the user clicks on the resonance curve.
         """
         self.slider_set = Sliders(mapping, damping)
         self.figures = Figures(self.slider_set.by_geometry)
@@ -294,8 +295,8 @@ class Page:
     def handle_click(self, event) -> None:
         """Set the slider of the horizontal axis to the position of a click on the resonance curve.
 
-        This slider, `abscissa`, is the speed or the tuning (mesh frequency over natural frequency). The
-        position `event.x` of the Bokeh tap event is rounded to a step of the slider.
+        This slider, `abscissa`, is the speed or the tuning (mesh frequency over natural frequency).
+        The position `event.x` of the Bokeh tap event is rounded to a step of the slider.
         """
         widget = self.widgets[self.slider_set.abscissa]
         value = widget.start + round((event.x - widget.start) / widget.step) * widget.step
@@ -305,7 +306,7 @@ class Page:
         """Return the configuration as a dict with the current values of all sliders."""
         values = {}
         for name, slider in self.slider_set.sliders.items():
-            # Moved sliders have values rounded to 12 digits, other sliders the exact initial value.
+            # Values of moved sliders are rounded; other sliders keep their exact initial values.
             value = self.widgets[name].value
             is_moved = value != _initial_value(slider)
             values[name] = float(f"{value * slider.unit:.12g}") if is_moved else slider.initial
@@ -338,7 +339,7 @@ class Page:
         """Return the Panel layout of the page: heading, sliders, note and figures."""
         controls = pn.Column(*self.widgets.values(), self.button, styles={"flex": "0 0 300px"})
         figures = pn.Column(self.note, self.figure_column, sizing_mode="stretch_width")
-        # In a narrow window the figures come below the sliders.
+        # In narrow windows, the figures are below the sliders.
         figures.styles = {"flex": "1 1 360px", "min-width": "0"}
         heading = pn.pane.Markdown(f"### {self.slider_set.heading}", css_classes=["gears"])
         return pn.Column(heading, flex_row(controls, figures), sizing_mode="stretch_width")
@@ -351,9 +352,9 @@ def _initial_value(slider: Slider) -> float:
 
 def _create_widget(slider: Slider):
     """Create the Panel widget of a slider, in the displayed unit, with up to six decimals."""
-    settings = {"start": slider.low, "end": slider.high, "step": slider.step}
-    settings |= {"value": _initial_value(slider), "format": "0[.][00000]"}
-    return pn.widgets.FloatSlider(label=slider.label, **settings)
+    options = {"start": slider.low, "end": slider.high, "step": slider.step}
+    options |= {"value": _initial_value(slider), "format": "0[.][00000]"}
+    return pn.widgets.FloatSlider(label=slider.label, **options)
 
 
 def serve(mapping: dict, damping: str, port: int = 0, show: bool = True) -> None:
@@ -363,8 +364,8 @@ def serve(mapping: dict, damping: str, port: int = 0, show: bool = True) -> None
     combinations. Port 0 means any free port. If `show` is true, a browser is opened.
     """
     pn.extension()
-    # Computing one view loads the compiled kernels before the first slider is moved.
+    # Create a page once, so that the kernels are loaded before the first slider is moved.
     Page(mapping, damping)
-    settings = {"title": "gearlib explorer", "address": "127.0.0.1", "port": port, "show": show}
+    options = {"title": "gearlib explorer", "address": "127.0.0.1", "port": port, "show": show}
     # Each browser session gets its own sliders.
-    pn.serve(lambda: Page(mapping, damping).layout(), **settings)
+    pn.serve(lambda: Page(mapping, damping).layout(), **options)

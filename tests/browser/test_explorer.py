@@ -142,9 +142,7 @@ def test_a_view_of_gears_given_by_geometry_shows_the_load_sharing_model():
     # GEOMETRY has a power of 30 kW and a speed of 9000 rpm.
     torque = 30e3 / (9000.0 * math.tau / 60.0)
     error = gears.gear_stage().transmission_error(torque, stiffness="energy")
-    np.testing.assert_allclose(
-        view.harris_map.transmission_error[-1], error.transmission_error[0]
-    )
+    np.testing.assert_allclose(view.harris_map.transmission_error[-1], error.transmission_error[0])
     model = gearlib.LoadSharingPair.from_geometry(
         gears.gear_stage(), torque=torque, damping_ratio=0.03, backlash_damping_ratio=0.01
     )

@@ -136,17 +136,17 @@ def add_gear_pairs(cases):
     """Return cases as plain values in which a gear pair replaces the keys damping and change."""
     values = []
     for case in cases:
-        pair = CONFIG.pair(case.damping, case.change)
+        pair = CONFIG.pair_description(case.damping, case.change)
         values.append(case.model_dump(exclude={"damping", "change"}) | {"pair": pair})
     return to_plain_values(values)
 
 
 #: Name of a damping -> description of the gear pair, and of the model for sweeps and run-ups.
-PAIRS = to_plain_values({damping: CONFIG.pair(damping) for damping in CONFIG.dampings})
+PAIRS = to_plain_values({damping: CONFIG.pair_description(damping) for damping in CONFIG.dampings})
 MODELS = to_plain_values(
     {damping: CONFIG.model_description(damping) for damping in CONFIG.dampings}
 )
-UNDAMPED = to_plain_values(CONFIG.pair())
+UNDAMPED = to_plain_values(CONFIG.pair_description())
 SIX_DEGREES = to_plain_values(CONFIG.six_degree_parameters())
 #: Names of the gears with rectangular stiffness, and with the model for sweeps and run-ups.
 GEAR_PAIR = gear_names.gear_pair_name_with_stiffness(CONFIG, teeth=False)
@@ -344,7 +344,7 @@ def stage_names(section, teeth=False):
         method = config[section].get("stiffness")
         if not method and CONFIG.gears:
             method = CONFIG.gears.stiffness
-        method = method or next(iter(pairs)).mesh().tooth_stiffness
+        method = method or next(iter(pairs)).gear_stage().tooth_stiffness
         suffix = f"; pairs of teeth, {METHOD_NAMES[method]}"
     names = (gear_names.gear_stage_name(pair, teeth, pitch_errors=False) for pair in pairs)
     return " and ".join(dict.fromkeys(names)) + suffix
@@ -362,7 +362,7 @@ def teeth_over_speed():
 #: Arguments of the target tolerances that describe the designs.
 DESIGNS = to_plain_values(
     {
-        "pair": CONFIG.pair(CONFIG.tolerances.damping),
+        "pair": CONFIG.pair_description(CONFIG.tolerances.damping),
         "tolerances": (
             {} if targets.refusal_reason("tolerances", CONFIG) else CONFIG.tolerance_distributions()
         ),

@@ -365,7 +365,7 @@ use rule _draw as draw_basins with:
         draw="global_picture_figure.draw_basins",
 
 
-BIFURCATION_PAIR = to_plain_values(CONFIG.pair(CONFIG.bifurcation.damping))
+BIFURCATION_PAIR = to_plain_values(CONFIG.pair_description(CONFIG.bifurcation.damping))
 
 
 use rule _compute as compute_bifurcation with:
