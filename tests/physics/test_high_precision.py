@@ -1,4 +1,4 @@
-"""Runs in many digits against closed forms, matrix exponentials and Taylor steps of mpmath."""
+"""Compare high-precision runs with closed forms and with an independent program."""
 
 import math
 
@@ -10,13 +10,13 @@ from gearlib.studies.trials import references
 from tests.independent.systems import describe, move
 from tests.references import propagate_pair
 
-RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.06}
-#: Ten of 50 digits are for the growth of rounding over six periods of bouncing.
-DIGITS = mpmath.mpf(10) ** -40
+PAIR_RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.06}
+#: Over six periods with contact loss, rounding errors may grow by ten of 50 digits.
+MAX_ERROR = mpmath.mpf(10) ** -40
 
 
 def exact_number(value):
-    """Convert a decimal number, given as text or mpf, to an mpf without rounding it to a float."""
+    """Convert a decimal number, given as a string or mpf, to an mpf without rounding to a float."""
     return mpmath.mpf(str(value))
 
 
@@ -32,18 +32,22 @@ def exact_number(value):
     ],
 )
 def test_linear_high_precision_runs_match_closed_forms(changes, tuning, state):
-    """Compare runs in 50 digits with closed forms of the linear motions between events."""
-    pair = GearPair.from_ratios(**(RATIOS | changes))
-    end, phases, contacts = references.run_precisely(pair, tuning, periods=6, digits=50, state=state)
+    """Runs in 50 digits must agree with the closed form of the motion between contact events."""
+    pair = GearPair.from_ratios(**(PAIR_RATIOS | changes))
+    end, phases, contacts = references.run_precisely(
+        pair, tuning, periods=6, digits=50, state=state
+    )
     (x, v), *events = propagate_pair(pair, tuning, periods=6, state=state)
-    assert [*map(tuple, contacts.tolist())] == [event[1:3] for event in events]
-    assert max(abs(exact_number(a) - b) for a, b in zip(end, (x, v), strict=True)) < DIGITS
-    for phase, event in zip(phases, events, strict=True):
-        assert abs(exact_number(phase) - event[0]) < DIGITS
+    reference_phases = [phase for phase, _, _, _ in events]
+    reference_contacts = [(before, after) for _, before, after, _ in events]
+    assert [*map(tuple, contacts.tolist())] == reference_contacts
+    assert max(abs(exact_number(a) - b) for a, b in zip(end, (x, v), strict=True)) < MAX_ERROR
+    for phase, reference_phase in zip(phases, reference_phases, strict=True):
+        assert abs(exact_number(phase) - reference_phase) < MAX_ERROR
 
 
-#: Static deflection and eigenfrequency are 1, and so all ratios floats without rounding.
-PAIR = GearPair(
+#: Static deflection and natural frequency are 1, so that all ratios are floats without rounding.
+EXACT_PAIR = GearPair(
     max_stiffness=1.0,
     stiffness_ratio=0.5,
     contact_ratio=1.5,
@@ -56,15 +60,15 @@ PAIR = GearPair(
 
 
 def test_high_precision_runs_with_cubic_damping_match_the_independent_program():
-    """Compare a run in 36 digits with an independent program that works in 40 digits."""
-    model = OneDegreePair(pair=PAIR, cubic_damping=0.75, backlash_cubic_damping=0.1875)
+    """A run in 36 digits must agree with an independent program that works in 40 digits."""
+    model = OneDegreePair(pair=EXACT_PAIR, cubic_damping=0.75, backlash_cubic_damping=0.1875)
     with mpmath.workdps(40):
-        # `move` integrates the equations with the code of `tests.independent`.
+        # `move` is part of the independent program.
         tuning, periods, state = 0.75, 2, (0.0, -1.0)
         reference = move(describe(model), tuning, periods, state, context=mpmath.mp)
         end, _, contacts = references.run_precisely(model, tuning, periods, digits=36, state=state)
         events = [[event.before, event.after] for event in reference.events]
         assert contacts.tolist() == events and events
         components = zip(end, reference.mesh_state(), strict=True)
-        # Eight of the 36 digits allow for the growth of rounding.
+        # Rounding errors may grow by eight of the 36 digits.
         assert max(abs(exact_number(a) - b) for a, b in components) < mpmath.mpf(10) ** -28
