@@ -293,7 +293,7 @@ class Config(Section):
         # Tolerances may also be given for ratios, such as the damping ratio, which are computed
         # from the parameters.
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}
-        if self.tolerances.apply_to_geometry():
+        if self.tolerances.has_geometry_parameters():
             stage = self.gears.geometry_dict()
             nominal_values |= stage
             for gear in ("pinion", "wheel"):

@@ -362,7 +362,7 @@ class _InitialStates(Section):
         return self
 
 
-def _check_damped(key, damping):
+def _require_damping(key, damping):
     """Raise ValueError for the configuration key `key` if both coefficients of `damping` are 0.
 
     The coefficients apply during contact and in free flight.
@@ -385,7 +385,7 @@ class Basins(_InitialStates):
     def _check(self):
         """Raise ValueError if a panel has no damping: undamped motions have no attractors."""
         for i, case in enumerate(self.cases):
-            _check_damped(f"cases[{i}].damping", case.damping)
+            _require_damping(f"cases[{i}].damping", case.damping)
         return self
 
 
@@ -411,7 +411,7 @@ class Bifurcation(_InitialStates, grid_with_defaults(0.45, 0.95, 0.001)):
 
         `share_step` is the step between the tunings at which the basin fractions are computed.
         """
-        _check_damped("damping", self.damping)
+        _require_damping("damping", self.damping)
         self.check_steps("share_step")
         return self
 

@@ -12,7 +12,7 @@ from gearlib import checks
 from gearlib import parameters as p
 from gearlib.config import RATIO_KEYS
 from gearlib.config import types as t
-from gearlib.config.types import Section, create_section, field, from_context, list_of
+from gearlib.config.types import Section, create_section, field, get_context_value, list_of
 from gearlib.models.geometry.gear_stage import damping_coefficient, resolve_damping
 from gearlib.models.pair_parameters import MIN_MAGNITUDE, PairParameters, PairScales, check_scales
 from gearlib.models.profiles import PROFILES
@@ -25,13 +25,13 @@ _DampingRatio = t.number(ge=0, le=1000)
 _Pair = create_section("_Pair", "", PairParameters, exclude=DAMPINGS, required=("teeth",))
 
 
-def rounded(value: Any) -> Any:
+def round_floats(value: Any) -> Any:
     """Round a float or a list of floats to 12 significant digits; return other values unchanged.
 
     The remaining digits would depend on the units in which the geometry was given.
     """
     if isinstance(value, list):
-        return [rounded(item) for item in value]
+        return [round_floats(item) for item in value]
     return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
 
 
@@ -73,7 +73,7 @@ class Damping(_Coefficients):
         logarithmic decrement. The validation context of `info` contains the gear pair, with which
         the ratios are converted. If it contains no valid pair, nothing is converted.
         """
-        pair = from_context(info, "pair")
+        pair = get_context_value(info, "pair")
         coefficients: dict[str, float] = {}
         given: dict[str, float] = {}
         for coefficient_key, ratio_keys in RATIO_KEYS.items():
@@ -87,7 +87,7 @@ class Damping(_Coefficients):
                 problem = f"and {others} are not allowed together: give only one of them"
                 raise checks.InputError(first_key, problem=problem)
             ((key, value),) = values.items()
-            if pair and from_context(info, "by_geometry"):
+            if pair and get_context_value(info, "by_geometry"):
                 # Called only to raise an error if the damping ratio is not below 1.
                 resolve_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
             given[key] = value
@@ -96,7 +96,7 @@ class Damping(_Coefficients):
                     # Solve delta = 2 pi beta / sqrt(1 - beta^2) for the damping ratio beta.
                     value /= math.hypot(math.tau, value)
                 value = damping_coefficient(value, pair.mean_stiffness, pair.reduced_mass)
-                value = rounded(value)
+                value = round_floats(value)
             coefficients[coefficient_key] = value
         # The values have already been validated.
         damping = Damping.model_construct(**coefficients) if pair else self

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from gearlib import checks
 from gearlib import parameters as p
 from gearlib.config import types as t
-from gearlib.config.gear_pair_section import rounded
+from gearlib.config.gear_pair_section import round_floats
 from gearlib.config.types import Section, create_section, field
 from gearlib.models.geometry.from_values import build_gear
 from gearlib.models.geometry.gear import Rack, SpurGear
@@ -62,7 +62,7 @@ _Placed = create_section(
 )
 
 
-def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) -> SpurGear:
+def create_spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) -> SpurGear:
     """Return the `SpurGear` described by the section `gear`.
 
     Omitted values, such as the module, are taken from `pinion`, the section of the mating gear, if
@@ -123,8 +123,8 @@ class StageSection(_Placed):
 
         Values omitted in the section of the wheel are taken from the pinion.
         """
-        pinion = spur_gear("pinion", self.pinion)
-        wheel = spur_gear("wheel", self.wheel, self.pinion)
+        pinion = create_spur_gear("pinion", self.pinion)
+        wheel = create_spur_gear("wheel", self.wheel, self.pinion)
         return GearStage(pinion, wheel, self.centre_distance, self.backlash)
 
     def check(self, stiffness_methods: Iterable[str]) -> None:
@@ -172,7 +172,7 @@ class Gears(MethodSection, StageSection):
 
     def driving_torque(self) -> float:
         """Return the torque of the pinion, N m, rounded to 12 digits."""
-        return rounded(resolve_torque(self.torque, self.power, self.speed))
+        return round_floats(resolve_torque(self.torque, self.power, self.speed))
 
     def geometry_dict(self) -> dict:
         """Return geometry, stiffness method and torque of the pinion (N m) as a dict."""
@@ -188,7 +188,9 @@ class Gears(MethodSection, StageSection):
             "", outer_diameter="wheel.outer_diameter", **self.option_keys()
         ):
             values = stage.pair_parameters(**arguments)
-        return {name: rounded(value) for name, value in values.items() if "damping" not in name}
+        return {
+            name: round_floats(value) for name, value in values.items() if "damping" not in name
+        }
 
     def six_degree_values(self) -> dict:
         """Return the values of the section `six_degrees`, computed from the geometry, as a dict.
@@ -200,7 +202,7 @@ class Gears(MethodSection, StageSection):
         zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
         parameters = six_degree_parameters(self.gear_stage())
         del parameters["teeth"]
-        return {key: rounded(value) for key, value in parameters.items()} | zeros
+        return {key: round_floats(value) for key, value in parameters.items()} | zeros
 
 
 class PublishedPair(StageSection):

@@ -186,7 +186,7 @@ def _tolerances_error(config: Any) -> str:
     Tolerances of the geometry require the section `gears`; those of the gear pair do not.
     """
     # All tolerances apply to the geometry or all to the gear pair, so the message names the first.
-    if config.tolerances.apply_to_geometry() and config.gears is None:
+    if config.tolerances.has_geometry_parameters() and config.gears is None:
         name = config.tolerances.parameters[0].parameter
         return (
             f"tolerances.parameters[0].parameter = {name!r} is not allowed: it must be a parameter "

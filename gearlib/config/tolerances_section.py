@@ -157,22 +157,22 @@ class Tolerances(t.grid_with_defaults(0.5, 1.4, 0.01), t.RecordedPeriods):
         self._complete_tolerances("", dict.fromkeys(names, 1.0))
         return self
 
-    def apply_to_geometry(self):
+    def has_geometry_parameters(self):
         """Return whether the tolerances apply to the gear geometry instead of the gear pair.
 
         They do if all parameters are parameters of the geometry and at least one, such as a profile
         shift, is not also a parameter of the gear pair.
         """
         names = {tolerance.parameter for tolerance in self.parameters}
-        are_of_pair = names <= tolerated.pair_parameters().keys()
-        return names <= tolerated.geometry_parameters().keys() and not are_of_pair
+        are_pair_parameters = names <= tolerated.pair_parameters().keys()
+        return names <= tolerated.geometry_parameters().keys() and not are_pair_parameters
 
     def _known_parameters(self):
         """Return the parameters of the geometry or the gear pair as a dict: name -> `Parameter`.
 
         They are the parameters to which the tolerances apply.
         """
-        is_geometry = self.apply_to_geometry()
+        is_geometry = self.has_geometry_parameters()
         return tolerated.geometry_parameters() if is_geometry else tolerated.pair_parameters()
 
     def distributions(self, nominal_values):

@@ -8,14 +8,14 @@ from pydantic import model_validator
 from gearlib import checks
 from gearlib import parameters as p
 from gearlib.config import types as t
-from gearlib.config.gear_pair_section import rounded
+from gearlib.config.gear_pair_section import round_floats
 from gearlib.config.gears_section import (
     BodyGear,
     GearSection,
     MethodSection,
     PinionSection,
     WheelSection,
-    spur_gear,
+    create_spur_gear,
 )
 from gearlib.config.types import Section, create_section, field, grid_with_defaults, list_of
 from gearlib.models.geometry.from_values import build_planetary_meshes
@@ -84,8 +84,9 @@ class PlanetarySet(_Set):
         The meshes are checked with a rectangular stiffness, because this is fast. Return the
         section itself, as pydantic requires.
         """
-        sun, planet = spur_gear("sun", self.sun), spur_gear("planet", self.planet, self.sun)
-        ring = spur_gear("ring", self.ring, self.sun, internal=True)
+        sun = create_spur_gear("sun", self.sun)
+        planet = create_spur_gear("planet", self.planet, self.sun)
+        ring = create_spur_gear("ring", self.ring, self.sun, internal=True)
         with checks.prefix_error_paths("", **self.option_keys()):
             layout_keys = {"planets", "positions", "centre_distance", "backlashes"}
             planets = build_planetary_meshes(
@@ -109,7 +110,7 @@ class PlanetarySet(_Set):
 
         If power and speed are given, they are replaced by the torque of the sun, N m.
         """
-        torque = rounded(resolve_torque(self.torque, self.power, self.speed))
+        torque = round_floats(resolve_torque(self.torque, self.power, self.speed))
         arguments = self.model_dump(exclude={"power", "speed", "stiffness_options"})
         return arguments | self.stiffness_arguments() | {"torque": torque}
 
@@ -206,7 +207,7 @@ class Own(Section):
         for i, body in enumerate(self.bodies):
             if body.gear:
                 gear_keys[body.name] = f"bodies[{i}].gear"
-                gears[body.name] = spur_gear(gear_keys[body.name], body.gear)
+                gears[body.name] = create_spur_gear(gear_keys[body.name], body.gear)
         meshes: list[Any] = self.meshes
         for i, mesh in enumerate(meshes):
             key, pinion, wheel = f"meshes[{i}]", mesh.pinion, mesh.wheel

@@ -104,7 +104,7 @@ def _require_distinct(values):
     return values
 
 
-def from_context(info, key):
+def get_context_value(info, key):
     """Return the value of `key` in the pydantic validation context, or None if it is missing."""
     return (info.context or {}).get(key)
 
@@ -116,7 +116,7 @@ def _require_known_damping(name, info):
     """
     # If the damping combinations are invalid, their own section raises an error. Any name is
     # accepted here to avoid a second error.
-    names = from_context(info, "dampings") or [name]
+    names = get_context_value(info, "dampings") or [name]
     require(name in names, "", name, f"one of {', '.join(names)}")
     return name
 
@@ -131,7 +131,7 @@ def _read_tuning(value, info):
     if rpm is None:
         return value
     # `info.data` contains the preceding keys of the section, e.g. `change` of a `MeshCase`.
-    return float(rpm) * tuning_per_rpm(from_context(info, "pair"), info.data.get("change"))
+    return float(rpm) * tuning_per_rpm(get_context_value(info, "pair"), info.data.get("change"))
 
 
 def tuning_per_rpm(pair, change=None):
@@ -392,7 +392,7 @@ class Grid(NumericGrid):
         require(is_valid, "stop", section["stop"], f"{allowed}{section['step']!r}")
         # Only start and step are rounded. All other values are computed from these two, so that
         # the range remains a whole multiple of the step.
-        factor = Decimal(tuning_per_rpm(from_context(info, "pair")))
+        factor = Decimal(tuning_per_rpm(get_context_value(info, "pair")))
         first_tuning = (factor * start).quantize(_TUNING_RESOLUTION)
         tuning_step = (factor * step).quantize(_TUNING_RESOLUTION)
         tuning_values = {key: speed / step * tuning_step for key, speed in speeds.items()}

@@ -67,15 +67,15 @@ def input_error_message(error: InputError, section: str, content: Any) -> str:
     """
     separator = "." if section and error.path and not error.path.startswith("[") else ""
     path = f"{section}{separator}{error.path}"
-    place = f"{path} of {error.owner}" if error.owner else path
+    full_name = f"{path} of {error.owner}" if error.owner else path
     if error.problem:
-        return f"{place} {error.problem}"
+        return f"{full_name} {error.problem}"
     value = _get_nested(content, path.replace("[", ".").replace("]", "").split("."), None)
     if value is None and error.value is None:
-        return f"{place} is missing: it must be {error.requirement}"
+        return f"{full_name} is missing: it must be {error.requirement}"
     if value is None:
         value = float(f"{error.value:.6g}") if isinstance(error.value, float) else error.value
-    return f"{place} {describe_violation(format_value(value), error.requirement)}"
+    return f"{full_name} {describe_violation(format_value(value), error.requirement)}"
 
 
 def _get_nested(content: Any, path: Any, default: Any) -> Any:

@@ -204,7 +204,7 @@ class Figures:
         x, y = "mesh phase / 2π", "transmission error, µm"
         harris_map = self._create_plot("Harris map", x, y, *lines)
         harris_map.add_layout(harris_map.legend[0], "below")
-        harris_map.legend.update(orientation="horizontal", title="torque over the chosen one")
+        harris_map.legend.update(orientation="horizontal", title="torque / chosen torque")
         title, x = "Load share of a tooth pair", "position on the path of contact, mm"
         share = self._create_plot(title, x, "", ("share", _FIRST_COLOUR, {}))
         lines = [("up_error", _FIRST_COLOUR, {}), ("down_error", _SECOND_COLOUR, {})]
@@ -256,10 +256,10 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("contact ratio", f"{stage.contact_ratio:.4f}"),
         ("working pressure angle", f"{math.degrees(stage.working_pressure_angle):.2f}°"),
         ("centre distance", f"{1e3 * stage.centre_distance:.3f} mm"),
-        ("K_v at the speed, without the quality", f"{float(view.run.dynamic_factor):.4f}"),
+        ("K_v by simulation, without gear quality", f"{float(view.run.dynamic_factor):.4f}"),
         ("stiffness", str(view.run.attrs["stiffness_model"])),
         ("backlash", f"{1e6 * stage.backlash:.4g} µm"),
-        ("least backlash, ISO/TR 10064-2", f"{1e6 * stage.recommended_backlash:.4g} µm"),
+        ("recommended backlash, ISO/TR 10064-2", f"{1e6 * stage.recommended_backlash:.4g} µm"),
         ("C_max", f"{1e-6 * pair.max_stiffness:.4g} N/µm"),
         ("κ", f"{pair.stiffness_ratio:.4f}"),
         ("ε", f"{pair.contact_ratio:.4f}"),
@@ -269,7 +269,7 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
     ]
     factor = iso_dynamic_factor(stage, float(view.curves.torque), float(view.run.speed))
     if factor is not None:
-        quantities.append(("K_v of ISO 6336-1, with the quality", f"{factor:.4f}"))
+        quantities.append(("K_v by ISO 6336-1, with gear quality", f"{factor:.4f}"))
     static = view.harris_map.isel(torque=-1)  # at the chosen torque
     error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
     quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))

@@ -155,7 +155,7 @@ def test_a_view_of_gears_given_by_geometry_shows_the_load_sharing_model():
     quantities = dict(derived_quantities(view))
     factor = gearlib.duty_point(model, 9000.0).dynamic_factor.item()
     assert float(view.run.dynamic_factor) == pytest.approx(factor, rel=1e-9)
-    assert quantities["K_v at the speed, without the quality"] == f"{factor:.4f}"
+    assert quantities["K_v by simulation, without gear quality"] == f"{factor:.4f}"
     assert quantities["contact ratio"] == f"{gears.gear_stage().contact_ratio:.4f}"
     assert quantities["peak-to-peak error"] == f"{1e6 * error.peak_to_peak_error.item():.2f} µm"
 

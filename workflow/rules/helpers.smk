@@ -369,7 +369,7 @@ DESIGNS = to_plain_values(
         **select_keys(config["tolerances"], "seed", "quantities"),
     }
 )
-if CONFIG.tolerances.apply_to_geometry() and CONFIG.gears:
+if CONFIG.tolerances.has_geometry_parameters() and CONFIG.gears:
     DESIGNS["gears"] = to_plain_values(CONFIG.gears.geometry_dict())
 
 #: The gears of the Harris map.
