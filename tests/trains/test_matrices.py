@@ -247,10 +247,10 @@ def test_state_space_refuses_unknown_names_and_trains_without_bodies():
         ({"forces": {"a 3 turn": math.nan}}, "forces.*must be a finite number"),
         ({"stiffness": -ROSS_MATRICES["stiffness"]}, "stiffness .*no negative eigenvalue"),
         ({"reference": "gear"}, "reference = 'gear' is not allowed"),
-        ({"forces": {"a 3 turn": 100.0}}, "no spring resists .*as with 0 on a 3 turn"),
+        ({"forces": {"a 3 turn": 100.0}}, "no spring resists .*for example with 0 on a 3 turn"),
         (
             {"forces": {"a 3 turn": 100.0, "b 2 turn": 150.0}},
-            "no spring resists .*as with 200 on b 2 turn",
+            "no spring resists .*for example with 200 on b 2 turn",
         ),
         (
             {"harmonic_forces": [HarmonicForce(body="a 0 x", amplitude=1.0, order=1, of="disk")]},
