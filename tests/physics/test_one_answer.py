@@ -1,4 +1,4 @@
-"""A gear set has the same dynamic factor by every route, and one close to 1 at low speed."""
+"""Check that all functions and commands give the same dynamic factor for the same gears."""
 
 import json
 
@@ -33,22 +33,24 @@ RING = {
 
 def run_command(*arguments):
     """Run a command of gearlib on gears.yaml and return its printed output."""
-    line = [arguments[0], "--config", "gears.yaml", *map(str, arguments[1:])]
-    result = CliRunner().invoke(main, line)
+    command, *options = map(str, arguments)
+    result = CliRunner().invoke(main, [command, "--config", "gears.yaml", *options])
     assert result.exit_code == 0, result.output
     return result.output
 
 
 def dynamic_factors(settings, gears):
-    """Yield the dynamic factor at the speed of the gears from each function and command."""
+    """Yield the dynamic factor at the speed of the gears, computed in six different ways.
+
+    `settings` is the checked configuration with the section `gears`.
+    """
     speed, damping_ratio = gears["speed"], DAMPINGS["usual"]["damping_ratio"]
     mesh = settings.gears.gear_stage()
     load = {"torque": gears["torque"], "damping_ratio": damping_ratio}
     yield duty_point(mesh, speed, **load).dynamic_factor.item()
-    rows = {
-        row["name"]: row["values"] for row in json.loads(run_command("gears", "--format", "json"))
-    }
-    yield from rows["dynamic_factor"].values()
+    rows = json.loads(run_command("gears", "--format", "json"))
+    values_by_name = {row["name"]: row["values"] for row in rows}
+    yield from values_by_name["dynamic_factor"].values()
     run_command("simulate", "-o", "run.nc")
     yield xr.load_dataset("run.nc").dynamic_factor.item()
     speeds = ("--start", f"{speed} rpm", "--stop", f"{1.01 * speed} rpm", "--points", 2)
@@ -67,14 +69,14 @@ def dynamic_factors(settings, gears):
 
 
 def configuration(gears):
-    """Return the configuration, as a dict, of given gears at their speed."""
+    """Return a configuration, as a dict, with given gears and a phase plane at their speed."""
     phase_planes = {"tunings": [f"{gears['speed']} rpm"]}
     return {"gears": gears, "dampings": DAMPINGS, "phase_planes": phase_planes}
 
 
 @pytest.mark.parametrize("gears", [SPUR, HELICAL, RING])
 def test_library_commands_and_explorer_give_the_same_dynamic_factor(gears, tmp_path, monkeypatch):
-    """Six ways to the dynamic factor must agree, and it must tend to 1 at low speed."""
+    """Six ways to compute the dynamic factor must agree, and it must tend to 1 at low speed."""
     monkeypatch.chdir(tmp_path)
     mapping = configuration(gears)
     (tmp_path / "gears.yaml").write_text(yaml.safe_dump(mapping), encoding="utf-8")
