@@ -42,9 +42,9 @@ def prefix_error_paths(prefix, owner="", **full_paths):
     """Return a context that prepends `prefix` to the path of each `InputError` raised inside it.
 
     With the prefix "gears.wheel", for example, the path "module" becomes "gears.wheel.module".
-    `full_paths` maps parameter names to full paths: a path that is such a name or begins with one,
-    as in "rack.dedendum", gets the full path in place of the name, and no prefix. The message
-    attributes all other parameters to `owner`, if given, such as "body sun".
+    `full_paths` maps parameter names to full paths: in a path that starts with one of these names,
+    the name is replaced by the full path, and no prefix is added. All other paths are attributed to
+    `owner`, if given, such as "body sun".
     """
     try:
         yield

@@ -32,8 +32,8 @@ _HUE_STEP, _LIGHTNESS_STEP = 0.7548776662466927, 0.5698402909980532
 def distinct_colours(excluded: Iterable[str] = ()) -> Iterator[str]:
     """Yield any number of distinct colours, such as "#0072B2", for curves of different categories.
 
-    The colours in `excluded`, those of the kinds of motion (chaotic etc.) and those of shaded areas
-    and backgrounds are skipped. The first colours are a fixed palette; later ones are computed.
+    Colours in `excluded`, `MOTIONS` and `_BACKGROUNDS` are skipped. The first colours are a fixed
+    palette; later ones are computed.
     """
     excluded = {colour.upper() for colour in excluded}
     used_colours = [*excluded, *MOTIONS.values(), *_BACKGROUNDS]

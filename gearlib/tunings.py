@@ -43,7 +43,7 @@ def grid(start, stop, step):
 def windows(start, stop, step, width):
     """Divide a grid of tunings into windows; return a list of pairs (first tuning, last tuning).
 
-    The grid is that of `grid`. The first window goes from `start` to `start + width`, the second
+    `grid` describes the grid. The first window goes from `start` to `start + width`, the second
     from the next tuning to `start + 2 * width`, and so on, so that a larger `stop` only adds
     windows. `width` is an integer multiple of `step`; the last window may be shorter.
     """

@@ -159,7 +159,7 @@ def invalid_lists(annotation, format_value):
         for value, index, problem in invalid_values(get_args(base)[0], format_value):
             yield [*entries[1:], value], f"[{len(entries) - 1}]{index}", problem
     if any("uniqueItems" in (getattr(x, "json_schema_extra", 0) or ()) for x in metadata):
-        yield 2 * entries, "", "lists "
+        yield 2 * entries, "", "contains "
 
 
 def values_within_range(annotation, in_file):

@@ -278,7 +278,7 @@ class Gearbox:
         width = gear.get_number("face_width", "m", "for the contact ratios and the stiffness")
         shaft, start = self.shaft_of[gear.id], gear.get_number("u_coordinate_on_shaft", "m")
         if start is None or self._has_position(gear, shaft):
-            # In all versions, a position in space is that of the middle of the gear.
+            # In all versions, the position in space refers to the middle of the gear.
             middle = self.coordinate(gear, shaft)
         else:
             middle = start + (width / 2.0 if self.model.version == "1.0" else 0.0)

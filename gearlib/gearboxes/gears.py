@@ -145,7 +145,7 @@ def _read_module_and_angles(
 ) -> dict[str, Any]:
     """Return the normal module (m), pressure angle and helix angle (rad) of a gear as a dict.
 
-    Angles of the `flank` have priority over those of the `gear`. Defaults are 20 degrees and 0;
+    Angles stated for the `flank` take precedence. Defaults are 20 degrees and 0;
     `gearbox.default` records them.
     """
     values = {"module": gear.get_number("normal_module", "m", "for the geometry of the stage")}

@@ -165,7 +165,7 @@ class Positions:
         origin = part.get_vector("support_vector", "m")
         if origin is None or len(origin) != 3:
             return None
-        # The default axes are those of the gear unit; v completes a right-handed system.
+        # The default axes are the axes of the gear unit; v completes a right-handed system.
         u, w = (part.get_vector(f"{axis}_axis_vector", "mm") for axis in "uw")
         u_axis, w_axis = np.array(u or [1.0, 0.0, 0.0]), np.array(w or [0.0, 0.0, 1.0])
         axes = np.stack([u_axis, np.cross(w_axis, u_axis), w_axis])
@@ -199,7 +199,7 @@ class Positions:
 def read_material(model: RexsModel, part: Component, default: Callable) -> tuple[Material, float]:
     """Return the material of a component and its shear modulus in Pa.
 
-    Missing values are replaced by those of steel, and `default`, the method `Gearbox.default`, is
+    Missing values are replaced by values of steel, and `default`, the method `Gearbox.default`, is
     called with a text that lists them and with the component.
     """
     fields = (

@@ -339,7 +339,7 @@ class _TrainBuilder:
     def _find_pin_angles(self) -> dict[str, tuple]:
         """Return a dict: rotor of a planet -> (stage, angle of its pin on the carrier in rad).
 
-        The angle is that of the line from the central gear (sun or ring) to the planet.
+        The angle is the direction from the central gear (sun or ring) to the planet.
         """
         pin_angles: dict[str, tuple] = {}
         for stage in self.gearbox.stages.values():
@@ -438,10 +438,10 @@ def build_train(
     reference: str | None,
     **mesh_options: Any,
 ) -> GearTrain:
-    """Build the gear train of a gearbox in a load case; the arguments are those of `Gearbox.train`.
+    """Build the gear train of a gearbox in a load case.
 
-    `mesh_options` are its arguments for the damping and stiffness of the meshes. Raise ValueError
-    if torques are unknown or a stage cannot be computed.
+    `Gearbox.train` describes the arguments; `mesh_options` are those for damping and stiffness of
+    the meshes. Raise ValueError if torques are unknown or a stage cannot be computed.
     """
     loads = gearbox.loads(load_case)
     if loads.torque_error is not None:
@@ -471,7 +471,7 @@ def build_train(
         name: loads.component_motion(gearbox, gearbox.shaft_of[stage.pinion.id].id) - frame_speed
         for name, stage in gearbox.stages.items()
     }
-    # Speeds are scaled by that of the reference pinion in this frame, which must not be zero.
+    # Speeds are scaled by the speed of the reference pinion in this frame, which must not be 0.
     min_speed = 1e-9 * max(map(abs, speeds_in_frame.values()))
     choices = [name for name, speed in speeds_in_frame.items() if abs(speed) > min_speed]
     reference = checks.check_choice("reference", reference or choices[0], choices)

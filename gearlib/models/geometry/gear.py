@@ -2,7 +2,7 @@
 
 The formulas follow ISO 21771, in which a ring gear has a negative number of teeth; here it has
 ``sign = -1``, and all diameters are positive. A positive profile shift moves the teeth towards
-their tips, i.e. those of a ring gear towards its axis. A gap is the distance between two flanks
+their tips, i.e. in a ring gear towards the axis. A gap is the distance between two flanks
 along the line of action, in m. `gearlib.models.geometry.gear_stage` defines positions on the path
 of contact.
 """
@@ -193,7 +193,7 @@ class PathTable:
     def at(self, position: "ArrayLike") -> "np.ndarray":
         """Return the values at positions on the path of contact in m, interpolated linearly.
 
-        Outside of the table the values are those of its first and last point.
+        Outside the table, the value of its first or last point is returned.
         """
         import numpy as np
 

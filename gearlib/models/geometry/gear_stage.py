@@ -86,7 +86,7 @@ class GearStage:
     def __post_init__(self) -> None:
         """Check that both gears fit together; set the default centre distance and backlash.
 
-        The default centre distance is that of zero backlash between the nominal teeth.
+        At the default centre distance, the nominal teeth have no backlash.
         """
         self._check_gears()
         base_diameter_sum = self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)

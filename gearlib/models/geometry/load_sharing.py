@@ -191,7 +191,7 @@ def tooth_pairs(stage, phases, *, pitch_errors=None, **options) -> ToothPairs:
     """Compute the tooth pairs in mesh, as `ToothPairs`, at equally spaced phases from 0.
 
     `phases` is their number per mesh period. There is one mesh period for each of `pitch_errors` in
-    m, by default those of the stage. `options`, such as the stiffness method, are passed to
+    m, by default `stage.pitch_errors`. `options`, such as the stiffness method, are passed to
     `tooth_pairs_at`.
     """
     # The mesh phase is 0 in the middle of the segment with the most pairs.
@@ -433,7 +433,7 @@ def _tip_corner_gap(stage: "GearStage", flank_name: str, position: np.ndarray) -
 
 
 def check_pitch_errors(stage: "GearStage", pitch_errors: ArrayLike | None = None) -> np.ndarray:
-    """Check pitch errors in m, by default those of the stage; return them as an array, (n,).
+    """Check pitch errors in m, by default `stage.pitch_errors`; return them as an array, (n,).
 
     They are the gaps of n successive tooth pairs, repeated periodically.
     """
@@ -446,7 +446,7 @@ def relief_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
     """Return the gap in m between the flanks due to the tip reliefs of both gears.
 
     `position` in m is on the path of contact. The relief of the pinion acts at the end of the path,
-    that of the wheel at its start.
+    the relief of the wheel at its start.
     """
     start, end = stage.path
     gap = np.zeros(np.shape(position))
