@@ -65,7 +65,7 @@ def train_accelerations(train: Any, driver: str | None = None) -> np.ndarray:
         force_scale = (np.abs(rigid_body_modes.T) @ np.abs(mass @ motion)).max()
         if (unbalanced_forces > _RELATIVE_TOLERANCE * force_scale).any():
             raise ValueError(
-                "a run-up of these bodies is not allowed: one driver must turn all of them"
+                "a run-up is not allowed for these bodies: one driver must accelerate all of them"
             )
     return np.linalg.solve(mass, force) / train.static_deflection
 

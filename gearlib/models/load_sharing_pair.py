@@ -122,7 +122,7 @@ class LoadSharingPair(WithPair):
     )
 
     def __post_init__(self) -> None:
-        """Check the parameters, and set the pitch errors to those of the gears by default."""
+        """Check the parameters; by default, copy the pitch errors of the gears."""
         super().__post_init__()
         errors = tuple(load_sharing.check_pitch_errors(self.stage, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
@@ -245,7 +245,7 @@ class LoadSharingPair(WithPair):
         phase : array_like, shape (m,)
             Mesh phase, rad.
         displacement : array_like, shape (m,)
-            Displacement in static deflections, as `gearlib.simulate` returns it.
+            Displacement in units of the static deflection, as returned by `gearlib.simulate`.
 
         Returns
         -------
@@ -509,9 +509,8 @@ def _interpolate_coefficients(values: Sequence[np.ndarray], lengths: np.ndarray)
 
     `values` is a list of arrays (p, ..., 2) of (a, b) at the left ends, the midpoints and the right
     ends of the segments; if the midpoints are omitted, the interpolation is linear. `lengths`,
-    shape (p,), are the lengths of the segments in rad. The last axis of the result has 6 polynomial
-    coefficients: those of the powers 0, 1 and 2 of the phase from the left end, first for a, then
-    for b.
+    shape (p,), are the lengths of the segments in rad. The last axis of the result has the 6
+    polynomial coefficients (a0, a1, a2, b0, b1, b2) in powers of the phase from the left end.
     """
     left, right = values[0], values[-1]
     middle = values[1] if len(values) == 3 else 0.5 * (left + right)

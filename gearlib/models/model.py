@@ -49,7 +49,7 @@ class Model:
 
     # Parameters.
     defaults: dict = {}  #: field name -> function of the model that returns its default
-    #: Continuation parameters of orbits beside the ratios: name -> (CF units, long_name)
+    #: Continuation parameters of orbits, in addition to the ratios: name -> (CF units, long_name)
     parameters: Any = {}
     nonlinear: tuple = ()  #: parameters that make the motion in contact nonlinear
 

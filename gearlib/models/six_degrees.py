@@ -350,8 +350,8 @@ class TwoGears(GearTrain):
     """The gear train from which the matrices of a `SixDegreePair` are assembled.
 
     The line of action is the x axis: the bearings y of the pair are the supports along x, and the
-    bearings z are the supports along y. The scales are those of the pair and do not depend on the
-    torques.
+    bearings z are the supports along y. The scales are taken from the pair and do not depend on
+    the torques.
     """
 
     gears: Any  #: the `SixDegreePair`

@@ -248,7 +248,7 @@ class Mesh:
     ] = Harmonics()
     coast_deviation: Annotated[
         Harmonics | None,
-        described("Deviation of the coast-side flanks in m; by default that of the drive side"),
+        described("Deviation of the coast-side flanks in m; by default equal to `deviation`"),
     ] = None
     transmission_error: Annotated[
         Harmonics,
@@ -411,7 +411,7 @@ class HarmonicForce:
     axis: Annotated[
         Literal["rotation", "x", "y"],
         CHOICE,
-        described("Along x or y, or as a torque that turns the body counterclockwise"),
+        described("Force along x or y, or torque, positive counterclockwise"),
     ] = "rotation"
     phase: Annotated[Angle, described("Phase at the start")] = 0.0
 

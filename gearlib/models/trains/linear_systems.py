@@ -21,7 +21,7 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
     Parameters
     ----------
     model : GearTrain or SixDegreePair
-        The gears; every mesh must have a damping.
+        The model; each mesh must have a damping.
     inputs : sequence of str, optional
         Forces, "x of sun", "y of sun" (N), or torques, "rotation of sun" (N m); by default the
         torques on all bodies. A train made by `GearTrain.from_matrices` also accepts the names of

@@ -114,10 +114,11 @@ def planetary(
         ),
     ] = (0.39, 3.0, 6.29, 0.61),
     sun_base_radius: Annotated[
-        Length, described("Base radius of the sun; those of ring and planets follow from the teeth")
+        Length, described("Base radius of the sun, which determines the radii of ring and planets")
     ] = 0.0387,
     pressure_angle: Annotated[
-        WorkingAngle, described("Working pressure angle of sun meshes; that of ring meshes follows")
+        WorkingAngle,
+        described("Working pressure angle of the sun meshes; it also determines the ring meshes"),
     ] = _PRESSURE_ANGLE,
     support_stiffness: Supports = (1e8, 1e8, 1e8, 1e8),
     torsional_stiffness: TorsionalSupports = (0.0, 1e9, 0.0),
@@ -138,9 +139,12 @@ def planetary(
     material_damping: MaterialDamping = 1000.0,
     backlash_damping: BacklashDamping = 300.0,
     backlash: Backlash = 30e-6,
-    load: Annotated[Force, described("Force on every mesh of the sun")] = 2000.0,
+    load: Annotated[Force, described("Force on each mesh of the sun")] = 2000.0,
     ring_phase: Annotated[
-        Finite | None, described("Phase of the first ring mesh; by default from the planets' teeth")
+        Finite | None,
+        described(
+            "Phase of the first ring mesh; by default it follows from the teeth of the planets"
+        ),
     ] = None,
     pin_errors: PinErrors = None,
     turning: CarrierRotates = False,
