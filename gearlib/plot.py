@@ -514,9 +514,9 @@ def orbit(*orbits, axes=None, labels=None):
             branches_figure.draw_special_points(axes, points.tuning, points[name], points.label)
     axes.set_xlabel(panels.axis_label(orbits[0][parameter]))
     axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
-    # The codes of special points (fold, period doubling, ...) decide which entries are needed.
-    codes = np.concatenate([branch.label for branch in orbits])
-    axes.legend(handles=branches_figure.legend_handles(codes))
+    # The legend explains only those special points (fold, period doubling, ...) that occur.
+    special_point_codes = np.concatenate([branch.label for branch in orbits])
+    axes.legend(handles=branches_figure.legend_handles(special_point_codes))
     return axes
 
 

@@ -293,7 +293,7 @@ def _fourier_sums_of_signal(
         mean_squares.append(squares.mean())
         blocks.append((start_time, end_time, direction))
     if not blocks:
-        reasons = ", ".join(dict.fromkeys(reason for _, _, reason in signal.breaks))
+        reasons = ", ".join(dict.fromkeys(reason for _, _, reason in signal.interruptions))
         raise ValueError(
             f"{variable} has no complete block of {revolutions} whole revolutions ({reasons}): "
             "there must be at least one"

@@ -91,7 +91,7 @@ def _record_iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Data
     count = settings["iterations"] + 1
     iterates = np.full((count, _SAMPLES), np.nan)
     takes_newton_step = np.zeros(count, np.int8)
-    # `exact_motion` returns displacement and velocity at equidistant mesh phases.
+    # `simulate_orbit` returns displacement and velocity at equidistant mesh phases.
     exact = simulate_orbit(periodic_orbit(pair, tuning), _SAMPLES)[0]
     equation = MeshEquation(pair, tuning, settings["iteration_harmonics"])
     # This solution only selects the degenerate harmonics, so it may start from the exact orbit.
