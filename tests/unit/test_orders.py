@@ -10,7 +10,7 @@ import gearlib
 from gearlib import GearPair, LoadSharingPair, duty_point, orders, simulate
 from gearlib.geometry import GearStage, SpurGear, dynamic_factor
 from tests.geometry.stages import own
-from tests.physics.test_order_maps import OPTIONS, assert_orders, ramp
+from tests.physics.test_order_maps import ORDER_MAP_OPTIONS, assert_orders, ramp
 
 PAIR_RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "teeth": 24}
 PAIR_WITH_CONTACT_LOSS = GearPair.from_ratios(
@@ -89,7 +89,7 @@ def test_orders_of_a_known_signal_are_recovered_by_speed_or_tacho():
     revolutions = revolutions_at(data.time.values)
     # The origin of time must not matter.
     data = data.assign_coords(time=data.time + 2.0)
-    levels = gearlib.order_map(data, teeth=24, **OPTIONS)
+    levels = gearlib.order_map(data, teeth=24, **ORDER_MAP_OPTIONS)
     assert levels.sizes["time"] == int(revolutions[-1]) and float(levels.teeth) == 24.0
     assert_orders(levels, 2e-5)
     # The root mean square of waves with the amplitudes 1 and 2 is the root of (1 + 4) / 2.
@@ -100,7 +100,7 @@ def test_orders_of_a_known_signal_are_recovered_by_speed_or_tacho():
     order_3 = gearlib.order_map(data, orders=[3], variable="acceleration")
     assert np.abs(order_3.amplitude - math.sqrt(0.5)).max() < 2e-5
     pulse_times = np.interp(np.arange(int(revolutions[-1]) + 1), revolutions, data.time.values)
-    order_map = gearlib.order_map(data.drop_vars("speed"), tacho=pulse_times, **OPTIONS)
+    order_map = gearlib.order_map(data.drop_vars("speed"), tacho=pulse_times, **ORDER_MAP_OPTIONS)
     # Blocks next to the first and last pulses are less accurate.
     assert_orders(order_map.isel(time=slice(3, -3)))
 
