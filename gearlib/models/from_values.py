@@ -23,10 +23,8 @@ from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import declared_parameters
 
 #: Damping parameters that are arguments of `GearPair.from_geometry`.
-_DAMPING_ARGUMENTS = (
-    *("damping_ratio", "logarithmic_decrement", "material_damping"),
-    "backlash_damping_ratio",
-)
+_DAMPING_ARGUMENTS = ("damping_ratio", "logarithmic_decrement", "material_damping")
+_DAMPING_ARGUMENTS += ("backlash_damping_ratio",)
 #: Force assigned to a mesh without load, relative to the largest mesh force of the train.
 _MIN_FORCE_RATIO = 1e-6
 
@@ -180,11 +178,11 @@ def build_train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
         "shafts": [Shaft(**shaft) for shaft in arguments["shafts"]],
         "forces": [HarmonicForce(**force) for force in arguments.get("forces", ())],
     }
-    bodies_on_shafts = {name for shaft in elements["shafts"] for name in shaft.bodies}
+    shaft_bodies = {name for shaft in elements["shafts"] for name in shaft.bodies}
     descriptions = arguments["meshes"]
     # Mesh torques follow from the static forces of the train. So a preliminary train is built
     # first, in which meshes with unknown torque have a mesh model that needs no torque.
-    elements["meshes"] = [_build_mesh(gears, bodies_on_shafts, **mesh) for mesh in descriptions]
+    elements["meshes"] = [_build_mesh(gears, shaft_bodies, **mesh) for mesh in descriptions]
     preliminary_train = GearTrain(**(arguments | elements))
     forces = np.abs(preliminary_train.mean_forces) * preliminary_train.load
     # Under this small force, an unloaded mesh has a transmission error only from its tip reliefs.
@@ -198,9 +196,7 @@ def build_train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
                     "'teeth', because the torques of the bodies do not load the train"
                 )
             torque = float(forces[i]) * preliminary_train.by_name[mesh.pinion].base_radius
-            elements["meshes"][i] = _build_mesh(
-                gears, bodies_on_shafts, **description, torque=torque
-            )
+            elements["meshes"][i] = _build_mesh(gears, shaft_bodies, **description, torque=torque)
     return GearTrain(**(arguments | elements))
 
 
@@ -239,20 +235,14 @@ def _lacks_torque(gears: dict, **values: Any) -> bool:
 
 
 def _build_mesh(
-    gears,
-    bodies_on_shafts,
-    *,
-    stiffness=None,
-    stiffness_options=None,
-    centre_distance=None,
-    **values,
+    gears, shaft_bodies, *, stiffness=None, stiffness_options=None, centre_distance=None, **values
 ):
     """Create a `Mesh` from its `values`, which name its pinion and wheel.
 
     If both gears have a geometry and `values` has no max_stiffness, the geometry provides the
     missing fields. Then `stiffness` is the method "iso" or "energy", or None for the default,
     `stiffness_options` are its options, and `centre_distance` is in m. `gears` maps body names to
-    `SpurGear`, and `bodies_on_shafts` is the set of names of bodies on shafts. If the model
+    `SpurGear`, and `shaft_bodies` is the set of names of bodies on shafts. If the model
     "teeth" lacks its torque, it is replaced by the model "rectangle".
     """
     values = {"material_damping": None} | values  # None means that the damping is unknown.
@@ -267,7 +257,7 @@ def _build_mesh(
         stiffness = "iso" if is_rectangle else gear_stage.tooth_stiffness
     options = stiffness_options or {}
     # The stiffness of a shaft already includes the twist of the gear bodies on it.
-    body_twists = [values[name] not in bodies_on_shafts for name in ("pinion", "wheel")]
+    body_twists = [values[name] not in shaft_bodies for name in ("pinion", "wheel")]
     if stiffness == "energy" and not all(body_twists):
         options = {"twist": body_twists} | options
     if _lacks_torque(gears, **values):

@@ -79,13 +79,11 @@ class Equation:
         Damping must be linear, contact forces must be proportional to the deflection, and the
         stiffness must be piecewise constant.
         """
-        if self.damping[:, 1:].any() or self.stiffness_powers.any():  # Column 0 is linear damping.
-            return False
+        nonlinear = self.damping[:, 1:].any() or self.stiffness_powers.any()
         for stiffness in (self.drive_stiffness, self.coast_stiffness):
             slopes = stiffness.values_and_slopes[:, 1]
-            if stiffness.harmonics.size or slopes.any():
-                return False
-        return True
+            nonlinear |= bool(stiffness.harmonics.size) or slopes.any()
+        return not nonlinear
 
     def nonlinear_mesh(self, tuning: float, tolerance: float) -> NonlinearMesh:
         """Return the constants of the equation for integration by Taylor series.
@@ -177,8 +175,7 @@ class Equation:
         than one, return the displacement without deflection that is closest to 0.
         """
         # At phase 0 only the cosines of the harmonics, in column 1, contribute.
-        force = self.load * load + self.force[:, 1].sum()
-        ground = self.ground_stiffness
+        force, ground = self.load * load + self.force[:, 1].sum(), self.ground_stiffness
         contacts = (1.0, self.upper, self.drive_stiffness), (-1.0, self.lower, self.coast_stiffness)
         for sign, contact_position, profile in contacts:
             pushing_force = sign * (force - ground * contact_position)
@@ -417,11 +414,9 @@ class DeadZoneOscillator(Model):
 
         The upper contact is treated as the drive side and the lower contact as the coast side.
         """
-        upper_stiffness = _to_piecewise_stiffness(self.upper_stiffness)
+        upper_stiffness = _to_piecewise(self.upper_stiffness)
         same_stiffness = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
-        lower_stiffness = upper_stiffness
-        if not same_stiffness:
-            lower_stiffness = _to_piecewise_stiffness(self.lower_stiffness)
+        lower_stiffness = upper_stiffness if same_stiffness else _to_piecewise(self.lower_stiffness)
         max_stiffness = max(_mean(self.upper_stiffness), _mean(self.lower_stiffness))
         damping = np.zeros((3, 3))
         # The rows are lower contact, gap and upper contact; column 0 is linear damping.
@@ -440,7 +435,7 @@ class DeadZoneOscillator(Model):
         )
 
 
-def _to_piecewise_stiffness(stiffness: float | Series | Steps) -> PiecewiseStiffness:
+def _to_piecewise(stiffness: float | Series | Steps) -> PiecewiseStiffness:
     """Convert a constant or periodic stiffness to a `PiecewiseStiffness`."""
     if isinstance(stiffness, float):
         stiffness = Steps((0.0,), (stiffness,))  # a single step that starts at phase 0
@@ -449,7 +444,7 @@ def _to_piecewise_stiffness(stiffness: float | Series | Steps) -> PiecewiseStiff
 
 def _mean(stiffness: float | Series | Steps) -> float:
     """Return the mean of a constant or periodic stiffness over a period."""
-    profile = _to_piecewise_stiffness(stiffness)
+    profile = _to_piecewise(stiffness)
     # All slopes are 0, and harmonics do not change the mean.
-    values = profile.values_and_slopes[:, 0]
-    return float(values @ np.diff(profile.breakpoints)) / (2.0 * math.pi)
+    integral = profile.values_and_slopes[:, 0] @ np.diff(profile.breakpoints)
+    return float(integral) / (2.0 * math.pi)

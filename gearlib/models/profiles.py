@@ -70,8 +70,10 @@ class PiecewiseStiffness:
         indices = np.searchsorted(self.breakpoints, breakpoints[:-1], side="right") - 1
         values, slopes = self.values_and_slopes[indices].T
         values = values + slopes * (breakpoints[:-1] - self.breakpoints[indices])
-        values_and_slopes = np.column_stack([values, slopes])
-        is_below_mean = self.is_below_mean[indices]
+        values_and_slopes, is_below_mean = (
+            np.stack([values, slopes], 1),
+            self.is_below_mean[indices],
+        )
         return PiecewiseStiffness(breakpoints, values_and_slopes, is_below_mean, self.harmonics)
 
 
@@ -406,9 +408,8 @@ def _read_csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
             allowed = f"{len(header)}, one for each column"
             if separator == ",":
                 allowed += "; decimal commas need semicolons between cells"
-            raise checks.InputError(
-                f"the number of cells in line {line_number}", len(cells), allowed
-            )
+            name = f"the number of cells in line {line_number}"
+            raise checks.InputError(name, len(cells), allowed)
         for name, i, column in zip(names, indices, columns, strict=True):
             cell = cells[i]
             decimal_sign = decimal_sign or next((sign for sign in cell if sign in ",."), "")
@@ -439,9 +440,7 @@ def _read_netcdf_variables(path: Path, names: tuple[str, str]) -> list[tuple]:
     except FileNotFoundError:
         raise
     except (OSError, ValueError):
-        raise ValueError(
-            "it must be a CSV file, whose name ends with .csv, or a netCDF file"
-        ) from None
+        raise ValueError("it must be a file with the suffix .csv or a netCDF file") from None
     # This call raises ValueError if a variable is missing.
     _column_indices([*map(str, dataset.variables)], names)
     return [tuple(np.atleast_1d(dataset[name].values).tolist()) for name in names]
@@ -489,8 +488,7 @@ def _piecewise_constant(breakpoints, values, is_below_mean, harmonics=()) -> Pie
     """
     import numpy as np
 
-    slopes = 0.0 * values
-    values_and_slopes = np.column_stack([values, slopes])
+    values_and_slopes = np.column_stack([values, 0.0 * values])
     harmonics = np.reshape(harmonics, (-1, 3))
     return PiecewiseStiffness(breakpoints, values_and_slopes, is_below_mean, harmonics)
 

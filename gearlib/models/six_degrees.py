@@ -83,10 +83,8 @@ _MESH_FIELDS_OF_PAIR = (
     *("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash"),
     *("material_damping", "backlash_damping"),
 )
-_MESH_FIELDS_OF_GEARS = (
-    *("deviation", "coast_deviation", "friction", "pitch_phase"),
-    "moving_backlash",
-)
+_MESH_FIELDS_OF_GEARS = ("deviation", "coast_deviation", "friction", "pitch_phase")
+_MESH_FIELDS_OF_GEARS += ("moving_backlash",)
 
 #: Names of the additional recorded variables, after the columns of `gearlib.engines.orbit`.
 EXTRA_VARIABLES = (

@@ -71,8 +71,7 @@ class GearNode:
     y: Annotated[Text | None, described("Displacement along y")] = None
     axial: Annotated[Text | None, described("Displacement along its axis")] = None
     base_helix_angle: Annotated[
-        Angle,
-        described("Base helix angle, > 0 for a right-hand helix, which causes an axial force"),
+        Angle, described("Base helix angle of an axial force; > 0 for a right-hand helix")
     ] = 0.0
 
 
@@ -193,15 +192,13 @@ def from_matrices(
     value = f"a matrix with the eigenvalue {lowest_eigenvalue:.6g}"
     checks.require(valid, "mass", value, "symmetric and positive definite")
     _check_no_negative_stiffness(stiffness_matrix)
-    valid = (gyroscopic is None) == (speed is None)
-    checks.require(valid, "speed", speed, "given if and only if gyroscopic is given")
+    both_or_none = (gyroscopic is None) == (speed is None)
+    checks.require(both_or_none, "speed", speed, "given if and only if gyroscopic is given")
     if gyroscopic is not None:
         skew = _read_square_matrix("gyroscopic", gyroscopic, n)
-        allowed = "a skew-symmetric matrix"
-        valid = np.abs(skew + skew.T).max() <= _SYMMETRY_TOLERANCE * np.abs(skew).max(
-            initial=1e-300
-        )
-        checks.require(valid, "gyroscopic", "another matrix", allowed)
+        tolerance = _SYMMETRY_TOLERANCE * np.abs(skew).max(initial=1e-300)
+        valid = np.abs(skew + skew.T).max() <= tolerance
+        checks.require(valid, "gyroscopic", "another matrix", "a skew-symmetric matrix")
         damping_matrix = damping_matrix + speed * skew
     names = tuple(map(str, range(n))) if coordinates is None else coordinates
     checks.require(len({*names}) == n == len(names), "coordinates", names, f"{n} different names")

@@ -74,16 +74,12 @@ TorsionalSupports = Annotated[
 ]
 CarrierRotates = Annotated[
     Boolean,
-    described(
-        "Whether the carrier rotates and the ring is fixed, which determines the speed in rpm"
-    ),
+    described("Whether the carrier rotates and the ring is fixed; it determines the speed in rpm"),
 ]
 DrivingGear = Annotated[
     Literal["sun", "ring"],
     CHOICE,
-    described(
-        'Driving gear in the frame of the carrier; "ring" also if the carrier drives the sun'
-    ),
+    described('Driving gear relative to the carrier; "ring" also if the carrier drives the sun'),
 ]
 Gyroscopic = Annotated[
     Boolean,
@@ -118,7 +114,7 @@ def planetary(
     ] = 0.0387,
     pressure_angle: Annotated[
         WorkingAngle,
-        described("Working pressure angle of the sun meshes; it also determines the ring meshes"),
+        described("Working pressure angle of sun meshes, which sets that of ring meshes"),
     ] = _PRESSURE_ANGLE,
     support_stiffness: Supports = (1e8, 1e8, 1e8, 1e8),
     torsional_stiffness: TorsionalSupports = (0.0, 1e9, 0.0),
@@ -141,10 +137,7 @@ def planetary(
     backlash: Backlash = 30e-6,
     load: Annotated[Force, described("Force on each mesh of the sun")] = 2000.0,
     ring_phase: Annotated[
-        Finite | None,
-        described(
-            "Phase of the first ring mesh; by default it follows from the teeth of the planets"
-        ),
+        Finite | None, described("Phase of the first ring mesh; by default from the planets' teeth")
     ] = None,
     pin_errors: PinErrors = None,
     turning: CarrierRotates = False,
@@ -168,9 +161,8 @@ def planetary(
     n = planets
     sun_teeth, ring_teeth = teeth
     planet_teeth = _check_planet_teeth(teeth, planet_teeth)
-    positions = (
-        equally_spaced_positions(sun_teeth, ring_teeth, n) if positions is None else positions
-    )
+    if positions is None:
+        positions = equally_spaced_positions(sun_teeth, ring_teeth, n)
     positions = checks.check_sequence("positions", positions, n)
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
     offsets = checks.check_sequence("pin_errors", pin_errors, n)
@@ -338,9 +330,7 @@ class ParallelStage:
         pinion, wheel = self.stage.pinion, self.stage.wheel
         names = {"pinion": f"pinion {number}", "wheel": f"wheel {number}"}
         sign = 1 if wheel.internal else -1
-        speed_ratio = (
-            sign * pinion.teeth / wheel.teeth
-        )  # speed of the wheel over speed of the pinion
+        speed_ratio = sign * pinion.teeth / wheel.teeth  # wheel speed over pinion speed
         # Both gears transmit the same power. The reaction of the shaft on its gear is opposite to
         # the torque of the body.
         if self.gear == "pinion":
@@ -356,8 +346,8 @@ class ParallelStage:
             names["wheel"]: Body.from_gear(wheel, names["wheel"]),
         }
         free_name = names[free_gear]
-        free_body = new_bodies[free_name]
-        new_bodies[free_name] = dataclasses.replace(free_body, torque=torques[free_gear])
+        loaded = dataclasses.replace(new_bodies[free_name], torque=torques[free_gear])
+        new_bodies[free_name] = loaded
         mesh = Mesh.from_geometry(
             self.stage,
             names["pinion"],
@@ -368,12 +358,9 @@ class ParallelStage:
             direction=1 if direction_torque > 0.0 else -1,
             **options,
         )
-        shaft = Shaft(
-            bodies=(self.on, names[self.gear]),
-            stiffness=self.shaft_stiffness,
-            damping=proportional_damping(self.shaft_stiffness, structural_damping),
-        )
-        return new_bodies, mesh, shaft
+        ends, stiffness = (self.on, names[self.gear]), self.shaft_stiffness
+        damping = proportional_damping(stiffness, structural_damping)
+        return new_bodies, mesh, Shaft(bodies=ends, stiffness=stiffness, damping=damping)
 
 
 @checked
@@ -393,9 +380,7 @@ def planetary_set(
     positions: Positions = None,
     centre_distance: Annotated[
         Diameter | None,
-        described(
-            "Centre distance; by default the centre distance of sun and planet without backlash"
-        ),
+        described("Centre distance; by default of a sun mesh without backlash"),
     ] = None,
     backlashes: Annotated[
         tuple[RunOut, ...] | None,
@@ -423,8 +408,7 @@ def planetary_set(
         Literal["teeth", "rectangle"],
         CHOICE,
         described(
-            "Mean stiffness excited by the transmission error of loaded teeth, or two stiffness "
-            "levels"
+            "Mean stiffness excited by the transmission error of loaded teeth, or two levels"
         ),
     ] = "teeth",
     stiffness=None,

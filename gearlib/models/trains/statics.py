@@ -325,8 +325,7 @@ def _modal_forces(jacobians: np.ndarray, forces: np.ndarray) -> np.ndarray:
     `jacobians`, shape (2, m, p), are the derivatives of the (coast, drive) flank distances with
     respect to the modal amplitudes, and `forces`, shape (2, m), are the forces on these flanks.
     """
-    coast_jacobian, drive_jacobian = jacobians
-    coast_forces, drive_forces = forces
+    (coast_jacobian, drive_jacobian), (coast_forces, drive_forces) = jacobians, forces
     return coast_jacobian.T @ coast_forces + drive_jacobian.T @ drive_forces
 
 
@@ -352,8 +351,7 @@ def _minimize_energy(energy: _Energy, force_scale: float) -> np.ndarray | None:
         if step_length is None:
             return None
         amplitudes = amplitudes + step_length * step
-        drive_distances = energy.jacobians[1] @ amplitudes + gaps[1]
-        if -drive_distances.min() > max_distance:
+        if -(energy.jacobians[1] @ amplitudes + gaps[1]).min() > max_distance:
             return None
         gradient, mesh_forces = energy.gradient(amplitudes)
         forces = load, energy.elastic @ amplitudes, mesh_forces

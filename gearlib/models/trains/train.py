@@ -277,9 +277,7 @@ class GearTrain(Model):
         The stiffness phase is the middle of the upper stiffness level.
         """
         return {
-            mesh.name: turning.coast_stiffness_phase(
-                mesh, self.speeds_at(mesh), self.phases[mesh.name]
-            )
+            mesh.name: turning.coast_phase(mesh, self.speeds_at(mesh), self.phases[mesh.name])
             for mesh in self.meshes
         }
 
@@ -341,8 +339,7 @@ class GearTrain(Model):
             return modes
         # The springs of given matrices are rounded, so that small entries are rounding errors.
         free_motions = modes.free_motions
-        tolerance = 1e-12 * np.abs(free_motions).max(axis=0, initial=0.0)
-        is_small = np.abs(free_motions) < tolerance
+        is_small = np.abs(free_motions) < 1e-12 * np.abs(free_motions).max(axis=0, initial=0.0)
         return modes._replace(free_motions=np.where(is_small, 0.0, free_motions))
 
     @property
@@ -447,10 +444,10 @@ class GearTrain(Model):
         # energy.
         energies = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
         # Shapes of modes with equal frequencies are arbitrary, so that their energies are summed.
-        sums = []
-        for value in squared_frequencies:
-            is_equal = np.abs(squared_frequencies - value) < 1e-6 * value
-            sums.append(energies[is_equal].sum())
+        sums = [
+            energies[np.abs(squared_frequencies - value) < 1e-6 * value].sum()
+            for value in squared_frequencies
+        ]
         # If strain energies are equal up to rounding, the lowest frequency is used.
         i = int(np.argmax(np.array(sums) > 0.999999 * max(sums)))
         return math.sqrt(squared_frequencies[i])

@@ -179,7 +179,7 @@ def thickness_difference(mesh: Mesh, speeds: dict[str, Fraction]) -> Fraction:
     return pinion - wheel if driving_gear(mesh, speeds) == mesh.pinion else wheel - pinion
 
 
-def coast_stiffness_phase(mesh: Mesh, speeds: dict[str, Fraction], phase: float) -> float:
+def coast_phase(mesh: Mesh, speeds: dict[str, Fraction], phase: float) -> float:
     """Return the stiffness phase of the coast side, the middle of its upper stiffness level.
 
     It is `Mesh.coast_phase` if that is given; otherwise it follows from `phase`, the stiffness
