@@ -14,7 +14,12 @@ from matplotlib.figure import Figure
 import gearlib
 from gearlib import plot
 from tests.paper import PAPER_PAIR
-from tests.physics.test_run_up import RUN_OUT, SIX, WAVES, reference_run_up
+from tests.physics.test_run_up import (
+    EXCITATION_FIELDS,
+    GEARS_WITH_RUN_OUT,
+    GEARS_WITHOUT_RUN_OUT,
+    reference_run_up,
+)
 
 #: With three teeth, a revolution takes only three mesh periods.
 PAIR_WITH_FEW_TEETH = PAPER_PAIR.replace(teeth=3, material_damping=700.0, backlash_damping=300.0)
@@ -23,10 +28,10 @@ PAIR_WITH_FEW_TEETH = PAPER_PAIR.replace(teeth=3, material_damping=700.0, backla
 #: Models whose shafts complete a revolution within a few mesh periods.
 MODELS = {
     "pair": PAIR_WITH_FEW_TEETH,
-    "six": SIX.replace(pair=PAIR_WITH_FEW_TEETH.replace(backlash=120e-6)),
-    "run-out": RUN_OUT.replace(pair=PAIR_WITH_FEW_TEETH, teeth=(3, 5)),
+    "six": GEARS_WITHOUT_RUN_OUT.replace(pair=PAIR_WITH_FEW_TEETH.replace(backlash=120e-6)),
+    "run-out": GEARS_WITH_RUN_OUT.replace(pair=PAIR_WITH_FEW_TEETH, teeth=(3, 5)),
     "idler": gearlib.idler(PAIR_WITH_FEW_TEETH),
-    "waves": gearlib.OneDegreePair(pair=PAIR_WITH_FEW_TEETH, **WAVES),
+    "waves": gearlib.OneDegreePair(pair=PAIR_WITH_FEW_TEETH, **EXCITATION_FIELDS),
 }
 
 

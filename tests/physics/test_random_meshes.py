@@ -91,9 +91,9 @@ def test_no_event_of_a_random_mesh_is_missed_or_invented(seed):
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_near_misses_of_the_coast_flank_are_told_from_hits(side):
-    """A free flight must miss the coast flank if its lowest point is above it (side 1), else hit it.
+    """A free flight must miss the coast flank if its lowest point is above it, else hit it.
 
-    The lowest point has a distance from 1e-3 to 1e-12 from the coast-side flank line.
+    The lowest point lies 1e-3 to 1e-12 above (`side` 1) or below (-1) the coast-side flank line.
     """
     tuning, damping, backlash = 0.8, 0.05, 2.0
     ratios = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash_ratio": backlash}
