@@ -203,14 +203,9 @@ def run_in_workspace(
         events, event_rows = orbit.repeat_record(
             samples, events, event_rows, computed_periods, record_periods
         )
+    last_stored = first_recorded + computed_periods
     period = _period_of_stored_states(
-        pair,
-        workspace,
-        periods,
-        first_recorded,
-        first_recorded + computed_periods,
-        settled_period,
-        summary,
+        pair, workspace, periods, first_recorded, last_stored, settled_period, summary
     )
     if settled_period == 0:
         period = _prove_period(pair, workspace, periods, contact, x, v, max_arcs, summary)
@@ -272,21 +267,12 @@ def _period_of_stored_states(
 
 @kernel
 def run_many(
-    pair_parameters,
-    tunings,
-    order,
-    state,
-    warm_start,
-    span,
-    max_x,
-    summaries,
-    final_states,
-    outcomes,
+    parameters, tunings, order, state, warm_start, span, max_x, summaries, final_states, outcomes
 ):
     """Run a gear pair at the tunings ``tunings[order]`` and fill a row of each table per tuning.
 
     A tuning is the mesh frequency over the natural frequency; `pair_constants_at_tuning` takes it
-    with the seven `pair_parameters`. A run lasts a `Span` of mesh periods and starts from `state`,
+    with the seven `parameters`. A run lasts a `Span` of mesh periods and starts from `state`,
     shape (2,), or, with `warm_start`, from the end of the previous run unless that failed. A
     displacement beyond `max_x` gives the status OVERFLOW. The tables have one row per tuning:
     `summaries`, `final_states`, (n, 2), and `outcomes`, int, (n, 2), with period and status. A
@@ -297,7 +283,7 @@ def run_many(
     workspace = allocate_workspace()
     x, v = state[0], state[1]
     for i in order:
-        pair = pair_constants_at_tuning(pair_parameters, tunings[i])
+        pair = pair_constants_at_tuning(parameters, tunings[i])
         prepare_workspace(workspace, pair)
         arguments = samples, events, span.max_events, summaries[i]
         x, v, period, _, _, status = run_in_workspace(
@@ -330,14 +316,9 @@ def run_many_states(pair, states, periods, max_arcs, final_states, statuses):
         status = OVERFLOW
         if is_within_range(x, v):
             prepare_run(workspace, x, v)
+            contact = pair_contact_state(pair.backlash_ratio, x, v)
             _, x, v, status, _, _ = run_unrecorded(
-                pair,
-                workspace,
-                pair_contact_state(pair.backlash_ratio, x, v),
-                x,
-                v,
-                periods,
-                max_arcs,
+                pair, workspace, contact, x, v, periods, max_arcs
             )
         final_states[i, 0], final_states[i, 1], statuses[i] = x, v, status
 

@@ -519,16 +519,11 @@ def run_tooth_pairs(
                     )
                     factor, rate = 1.0, v
                     if pair < pair_count:
-                        overlap = segment_overlaps[contact_mask & ~(1 << pair), pair]
+                        form = segment_overlaps[contact_mask & ~(1 << pair), pair]
                         factor, factor_slope, _, _, _ = _expand_parabola(
-                            overlap[FACTOR],
-                            overlap[FACTOR_SLOPE],
-                            overlap[FACTOR_SQUARE],
-                            time,
-                            1.0,
-                            0.0,
+                            form[FACTOR], form[FACTOR_SLOPE], form[FACTOR_SQUARE], time, 1.0, 0.0
                         )
-                        offset_slope = overlap[OFFSET_SLOPE] + 2.0 * overlap[OFFSET_SQUARE] * time
+                        offset_slope = form[OFFSET_SLOPE] + 2.0 * form[OFFSET_SQUARE] * time
                         rate = factor * v + factor_slope * x - offset_slope
                     # The saltation matrix of a tangential crossing is the identity.
                     if rate != 0.0:
