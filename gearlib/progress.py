@@ -21,16 +21,21 @@ DELAY = 2.0
 _progress_bar_lock = threading.Lock()
 
 
+def is_interactive() -> bool:
+    """Return whether somebody sees stderr, in a terminal or a notebook."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    # The stderr of a notebook is not a terminal.
+    return hasattr(shell, "kernel") or bool(sys.stderr and sys.stderr.isatty())
+
+
 def with_progress_bar(unit: str, items: Iterable, total: int | None = None) -> Iterator:
     """Yield `items` and show a progress bar on stderr if it is a terminal, or in a notebook.
 
     While another call shows a progress bar, this call shows none. `unit` is a plural noun for the
     items, such as "runs"; `total` is their number, or None if it is unknown.
     """
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    # `disable=None` of tqdm would hide the bar in a notebook, whose stderr is not a terminal.
-    is_interactive = hasattr(shell, "kernel") or bool(sys.stderr and sys.stderr.isatty())
-    if not is_interactive or not _progress_bar_lock.acquire(blocking=False):
+    # `disable=None` of tqdm would hide the bar in a notebook.
+    if not is_interactive() or not _progress_bar_lock.acquire(blocking=False):
         yield from items
         return
     try:

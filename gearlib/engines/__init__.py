@@ -34,6 +34,7 @@ def warm_up() -> str:
     from gearlib.engines.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS, Span
     from gearlib.engines.pair.motion import pair_constants_at_tuning
     from gearlib.engines.pair.pair_run import run, run_many
+    from gearlib.engines.pair.whole_periods import allocate_workspace
 
     # Both stiffness levels, their lengths in phase, both damping ratios and the backlash. Only the
     # types of the values matter.
@@ -44,11 +45,15 @@ def warm_up() -> str:
     result_tables = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), outcomes
     tunings, order, state = np.array([tuning]), np.argsort([tuning]), np.zeros(2)
     warm_start, max_x = False, np.inf
-    run_many(pair_parameters, tunings, order, state, warm_start, span, max_x, *result_tables)
+    workspace = allocate_workspace()
+    run_many(
+        pair_parameters, workspace, tunings, order, state, warm_start, span, max_x, *result_tables
+    )
     samples, events = np.empty((4, SAMPLE_COLUMNS)), np.empty((4, EVENT_COLUMNS))
     tables = samples, events, span.max_events, result_tables[0][0]
     run(
         pair_constants_at_tuning(pair_parameters, tuning),
+        workspace,
         *state,
         span.periods,
         span.recorded,

@@ -9,12 +9,18 @@ The folder lies in the user's cache folder, or under ``NUMBA_CACHE_DIR``.
 """
 
 import contextlib
+import functools
 import hashlib
 import os
+import sys
 import tempfile
 from pathlib import Path
 
 import numba
+import numba.extending
+from numba.core import event
+
+from gearlib import progress
 
 #: Folders of the files that define kernels.
 _KERNEL_FOLDERS = Path(__file__).parent, Path(__file__).parents[1] / "integrators" / "steps"
@@ -65,37 +71,61 @@ def _temporary_folder() -> str:
     return tempfile.mkdtemp(prefix="gearlib-")
 
 
+class _CompilationNotice(event.Listener):
+    """Listener of numba that says at the first compilation of a process how long it may take."""
+
+    _is_shown = False
+
+    def on_start(self, event):
+        """Write the notice to stderr, once per process, if somebody sees it.
+
+        `event.data` has the dispatcher of the compiled function.
+        """
+        is_kernel = event.data["dispatcher"].py_func.__module__.startswith("gearlib.")
+        if is_kernel and not self._is_shown and progress.is_interactive():
+            _CompilationNotice._is_shown = True
+            text = "gearlib compiles machine code for this kind of model, once: 5 to 40 s ..."
+            print(text, file=sys.stderr, flush=True)
+
+    def on_end(self, event):
+        """Do nothing when a kernel is compiled; numba requires this method."""
+
+
+event.register("numba:compile", _CompilationNotice())
 numba.config.CACHE_DIR = cache_folder()
 # Kernels need no C wrapper, because no C code calls them.
 _NUMBA_OPTIONS = {"cache": True, "fastmath": False, "error_model": "numpy", "nogil": True}
 _NUMBA_OPTIONS |= {"no_cfunc_wrapper": True}
 
 
-def kernel(function):
-    """Compile a function with numba, with the options that all kernels share.
+def kernel(function=None, *, refcounts=True):
+    """Compile a function that Python calls, with the options that all kernels share.
 
     ``fastmath=False``: the order of events depends on the last digits. ``error_model="numpy"``: a
     division by zero gives infinity, on which the kernels rely. ``nogil``: sweeps run in threads.
+
+    With ``refcounts=False`` arrays have no reference counts. Each access to a tuple of arrays would
+    change a count that all threads share, which costs more than the sums in inner loops. The
+    function must then neither create nor return arrays.
     """
-    return numba.njit(_nrt=True, forceinline=False, **_NUMBA_OPTIONS)(function)
+    if function is None:
+        return functools.partial(kernel, refcounts=refcounts)
+    return numba.njit(_nrt=refcounts, forceinline=False, **_NUMBA_OPTIONS)(function)
 
 
-def inlined_kernel(function):
-    """Compile a function into its callers, because a call would cost more than its body."""
-    return numba.njit(_nrt=True, forceinline=True, **_NUMBA_OPTIONS)(function)
+def kernel_part(function=None, *, refcounts=True, inlined=False, merged=False):
+    """Compile a function that kernels call; for Python it remains an ordinary function.
 
-
-def kernel_without_refcounts(function):
-    """Compile a function with numba, without reference counts of its arrays.
-
-    The function must neither create nor return arrays. Each access to a tuple of arrays would
-    change a reference count that all threads share, which costs more than the sums in inner loops.
-    All decorators set ``_nrt`` (reference counts) and ``forceinline``, because a kernel inherits
-    unset options from the kernel that calls it.
+    The code that converts arguments from Python is left out, which takes a quarter of the time that
+    compilation takes. With `inlined` the machine code becomes part of the calling function, because
+    a call would cost more than the body. With `merged` the function has a single caller and is
+    compiled only as a part of it: large functions would otherwise be optimised twice. For
+    `refcounts` see `kernel`. All decorators set ``_nrt`` (reference counts) and ``forceinline``,
+    because a function inherits unset options from its caller.
     """
-    return numba.njit(_nrt=False, forceinline=False, **_NUMBA_OPTIONS)(function)
-
-
-def inlined_without_refcounts(function):
-    """Compile a function into its callers, without reference counts of arrays."""
-    return numba.njit(_nrt=False, forceinline=True, **_NUMBA_OPTIONS)(function)
+    if function is None:
+        return functools.partial(kernel_part, refcounts=refcounts, inlined=inlined, merged=merged)
+    if merged:
+        return numba.njit(inline="always", _nrt=refcounts, **_NUMBA_OPTIONS)(function)
+    options = {"_nrt": refcounts, "forceinline": inlined, **_NUMBA_OPTIONS}
+    return numba.extending.register_jitable(**options)(function)

@@ -9,17 +9,17 @@ import math
 
 import numpy as np
 
-from gearlib.engines.jit import kernel, kernel_without_refcounts
+from gearlib.engines.jit import kernel, kernel_part
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def copy(source: np.ndarray, target: np.ndarray) -> None:
     """Fill the array `target`, shape (n,), with the first n entries of the array `source`."""
     for i in range(target.shape[0]):
         target[i] = source[i]
 
 
-@kernel
+@kernel_part
 def enlarge_table(table: np.ndarray, row_count: int) -> np.ndarray:
     """Return a copy of `table` with `row_count` rows, at least as many as before.
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import DRIVE, NO_CONTACT
-from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.matrices import copy, enlarge_table
 from gearlib.engines.polynomial import polynomial_maximum
 from gearlib.engines.summary_columns import COLUMNS, COUNT, LARGEST, LEAST, SUM
@@ -80,13 +80,13 @@ class SweepTables(NamedTuple):
     outcomes: np.ndarray  #: int, period and status of each run, shape (n, 2)
 
 
-@kernel
+@kernel_part
 def is_within_range(x, v):
     """Return whether displacement x and velocity v are finite and small enough to be squared."""
     return math.fabs(x) < 1e150 and math.fabs(v) < 1e150
 
 
-@kernel
+@kernel_part
 def clear_summary(summary: np.ndarray) -> None:
     """Reset the summary of a motion, shape (SUMMARY_COLUMNS,), to its initial values.
 
@@ -96,7 +96,7 @@ def clear_summary(summary: np.ndarray) -> None:
         summary[k] = _EMPTY_SUMMARY[k]
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def has_unresolved_extremum(summary: np.ndarray) -> bool:
     """Return whether a maximum or minimum in the summary of a motion is NaN.
 
@@ -108,14 +108,14 @@ def has_unresolved_extremum(summary: np.ndarray) -> bool:
     return False
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def fill_sample_phases(samples: np.ndarray, column: int, duration: float) -> None:
     """Fill a column of the sample table with equally spaced phases in [0, duration)."""
     for k in range(samples.shape[0]):
         samples[k, column] = duration * k / samples.shape[0]
 
 
-@kernel
+@kernel_part
 def add_polynomial_extrema(coefficients, to_bernstein, workspace, summary, max_column, min_column):
     """Update a maximum and a minimum of a summary with the extrema of a polynomial on [0, 1].
 
@@ -132,7 +132,7 @@ def add_polynomial_extrema(coefficients, to_bernstein, workspace, summary, max_c
     summary[min_column] = -polynomial_maximum(coefficients, to_bernstein, workspace, -old_min)
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def add_contact_time(contact_state, duration, below_mean, summary) -> None:
     """Add the duration of an arc, the motion between two contact changes, to a summary.
 
@@ -150,7 +150,7 @@ def add_contact_time(contact_state, duration, below_mean, summary) -> None:
         summary[TIME_LOW] += duration
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def count_event(contact_before, contact_after, velocity, summary) -> None:
     """Count a change of contact in a summary if it is a loss of drive-side contact.
 
@@ -161,7 +161,7 @@ def count_event(contact_before, contact_after, velocity, summary) -> None:
         summary[BOUNCES] += 1.0
 
 
-@kernel
+@kernel_part
 def record_event(
     events, event_count, period, phase, contact_before, contact_after, velocity, summary
 ):
@@ -179,7 +179,7 @@ def record_event(
     return events, event_count
 
 
-@kernel
+@kernel_part
 def add_event(events, event_count, period, phase, contact_before, contact_after, velocity):
     """Append a change of contact to an event table; return (event table, event count).
 
@@ -194,7 +194,7 @@ def add_event(events, event_count, period, phase, contact_before, contact_after,
     return events, event_count + 1
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def fill_event(event, period, phase, contact_before, contact_after, velocity) -> None:
     """Fill `event`, a row of an event table, with a change of contact.
 
@@ -208,7 +208,7 @@ def fill_event(event, period, phase, contact_before, contact_after, velocity) ->
     event[EVENT_VELOCITY] = velocity
 
 
-@kernel
+@kernel_part
 def repeat_record(samples, events, event_count, recorded_periods, periods):
     """Fill the record of `periods` mesh periods by repeating its first `recorded_periods`.
 
@@ -231,7 +231,7 @@ def repeat_record(samples, events, event_count, recorded_periods, periods):
     return events, event_count
 
 
-@kernel
+@kernel_part
 def stored_state_count(excitation_period: int) -> int:
     """Return the number of mesh periods at the end of a run whose initial states are stored.
 

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
+from gearlib.engines.jit import kernel_part
 
 #: Largest number of halvings; the interval is then as short as rounding.
 MAX_DEPTH = 48
@@ -54,7 +54,7 @@ def bernstein_matrix(degree: int) -> np.ndarray:
     return matrix
 
 
-@kernel
+@kernel_part
 def horner(coefficients: np.ndarray, s: float) -> tuple:
     """Return (value, derivative) of a polynomial at s by Horner's scheme.
 
@@ -67,7 +67,7 @@ def horner(coefficients: np.ndarray, s: float) -> tuple:
     return value, slope
 
 
-@kernel
+@kernel_part
 def _convert_to_bernstein(
     coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.ndarray
 ) -> None:
@@ -82,7 +82,7 @@ def _convert_to_bernstein(
             bernstein[j] += matrix[i, j] * coefficients[i]
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def split_in_half(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) -> None:
     """Split a polynomial in Bernstein form at the middle of its interval.
 
@@ -118,7 +118,7 @@ def split_in_half(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) 
     left[n] = b[0]
 
 
-@kernel
+@kernel_part
 def parabola_minimum(a: float, b: float, c: float) -> float:
     """Return the smallest value of the parabola a + b s + c s^2 for s in [0, 1]."""
     min_value = min(a, a + b + c)
@@ -128,7 +128,7 @@ def parabola_minimum(a: float, b: float, c: float) -> float:
     return min_value
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _find_root(b, n, s, value_terms, slope_terms):
     """Return (root s, slope at s) of a polynomial that falls through zero once on [0, 1].
 
@@ -178,7 +178,7 @@ def _find_root(b, n, s, value_terms, slope_terms):
     return s, n * derivative * scale ** (n - 1)
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _count_sign_changes(b, n, tolerance):
     """Return (number of sign changes of Bernstein coefficients, estimate of the last root).
 
@@ -198,7 +198,7 @@ def _count_sign_changes(b, n, tolerance):
     return count, root_estimate
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def first_bernstein_crossing(workspace, zero_count, end, value_error):
     """Return (first s in [0, end] where a polynomial falls through zero, rounding error of s).
 
@@ -268,7 +268,7 @@ def first_bernstein_crossing(workspace, zero_count, end, value_error):
     return (2.0 if depth < 0 else -1.0), 0.0
 
 
-@kernel
+@kernel_part
 def first_downward_crossing(
     coefficients: np.ndarray, to_bernstein: np.ndarray, workspace: np.ndarray
 ) -> float:
@@ -301,7 +301,7 @@ def first_downward_crossing(
     return first_bernstein_crossing(workspace, zero_count, 1.0, value_error)[0]
 
 
-@kernel
+@kernel_part
 def polynomial_maximum(coefficients, to_bernstein, workspace, lower_bound):
     """Return the largest value of a polynomial on [0, 1], or `lower_bound` if that is larger.
 
@@ -318,7 +318,7 @@ def polynomial_maximum(coefficients, to_bernstein, workspace, lower_bound):
     return bernstein_maximum(workspace, coefficients.shape[0] - 1, lower_bound)
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _has_one_peak(b: np.ndarray, n: int) -> bool:
     """Return whether a polynomial provably has at most one local maximum inside [0, 1].
 
@@ -333,7 +333,7 @@ def _has_one_peak(b: np.ndarray, n: int) -> bool:
     return k > n
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _peak_value(b: np.ndarray, n: int) -> float:
     """Return the maximum on [0, 1] of a polynomial with a single local maximum.
 
@@ -367,7 +367,7 @@ def _peak_value(b: np.ndarray, n: int) -> float:
     return value
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def bernstein_maximum(workspace: np.ndarray, n: int, lower_bound: float) -> float:
     """Return the largest value of a polynomial on [0, 1], or `lower_bound` if that is larger.
 

@@ -50,7 +50,9 @@ def describe_method(name: str) -> Method:
     It includes whether the package required by the method, if any, is installed.
     """
     method = METHODS[name]
-    options = {key: (option.default, option.raw_description) for key, option in method.OPTIONS.items()}
+    options = {
+        key: (option.default, option.raw_description) for key, option in method.OPTIONS.items()
+    }
     is_available, note = True, ""
     if method.PACKAGE is not None:
         is_available, note = method.PACKAGE.available(), method.PACKAGE.note()

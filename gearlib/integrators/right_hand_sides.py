@@ -22,8 +22,8 @@ from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.linear.train_run import set_initial_contacts
 from gearlib.engines.linear.train_system import (
     allocate_run_state,
-    fill_system_matrix,
     set_harmonics,
+    system_matrix,
 )
 from gearlib.engines.pair.motion import contact_state_with_lines
 from gearlib.integrators.steps import equation_of_motion
@@ -355,11 +355,10 @@ class PiecewiseLinear(_RightHandSide):
         """
         branch = segment, contact_states.tobytes()
         if branch not in self._matrices:
-            matrix = np.empty_like(self.system.base_matrix)
             # `force_index` holds the force case of a mesh: no contact, or contact at some
             # stiffness.
             force_cases = self.system.force_index[contact_states + 1, segment, self._meshes]
-            fill_system_matrix(self.system, force_cases, matrix)
+            matrix = system_matrix(self.system, force_cases)
             # Division by the tuning converts derivatives by theta to derivatives by mesh phase.
             scaled_matrix = matrix[: self.size] / self.scale[: self.size, None]
             self._matrices[branch] = scaled_matrix * self.scale / self.tuning

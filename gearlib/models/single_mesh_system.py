@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import COAST, DRIVE
-from gearlib.engines.linear.train_system import TrainSystem, fill_system_matrix
+from gearlib.engines.linear.train_system import TrainSystem, system_matrix
 from gearlib.engines.matrices import MAX_NORM, exponential
 
 
@@ -85,8 +85,7 @@ def state_matrix_by_phase(system, contact_states, segment) -> np.ndarray:
         system.force_index[contact_state + 1, segment, j]
         for j, contact_state in enumerate(contact_states)
     ]
-    matrix = np.empty_like(system.base_matrix)
-    fill_system_matrix(system, np.array(force_indices, np.int64), matrix)
+    matrix = system_matrix(system, force_indices)
     # `TrainSystem` uses the time tau / tuning, so that velocities must be rescaled. A state
     # consists of coordinates, velocities, the constant 1, and a cosine and a sine of each harmonic.
     coordinate_count = (len(matrix) - 1 - 2 * system.harmonics.size) // 2

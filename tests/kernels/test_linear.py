@@ -73,8 +73,7 @@ def test_unrolled_sums_match_matrix_products(n):
 def test_modes_and_series_match_the_matrix_exponential(codes):
     """Advance a state by 0.9 by modes, by series and by the matrix exponential of scipy."""
     force_indices, reference_matrix, z, tables, run = problem(codes)
-    matrix = np.empty((N, N))
-    train_system.fill_system_matrix(SYSTEM, force_indices, matrix)
+    matrix = train_system.system_matrix(SYSTEM, force_indices)
     np.testing.assert_allclose(matrix, reference_matrix, atol=1e-15)
     phases = 0.7 * SYSTEM.harmonics
     assert z[N - 1 - 2 * phases.size :: 2] == pytest.approx([1.0, *np.sin(phases)])

@@ -93,9 +93,7 @@ def poincare_section(
     chunks = [initial_states[i : i + chunk_size] for i in range(0, len(initial_states), chunk_size)]
     sections = [
         _compute_section(model, tuning, chunk, settle, periods, phase, max_events)
-        for chunk in time_limit.iterate(
-            with_progress_bar("chunks of states", chunks, len(chunks))
-        )
+        for chunk in time_limit.iterate(with_progress_bar("chunks of states", chunks, len(chunks)))
     ]
     recorded = np.concatenate([section[0] for section in sections])
     final_states = np.concatenate([section[1] for section in sections])

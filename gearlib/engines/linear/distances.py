@@ -12,7 +12,7 @@ of `tables` for the present contacts, or SERIES. Contact states are DRIVE 1, NO_
 import math
 
 from gearlib.engines.codes import COAST, DRIVE
-from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.linear.modal_arcs import HIGH_DEGREE, LOW_DEGREE, fill_product
 from gearlib.engines.linear.sparse_series import SERIES, series_may_reach_zero
 from gearlib.engines.linear.train_system import next_contact
@@ -24,7 +24,7 @@ _ROUNDING = 1e-15
 _NO_EVENT, _UNCERTAIN_EVENT = 2.0, -1.0
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def fill_amplitudes(tables, combination, y, amplitudes):
     """Fill `amplitudes` with the magnitudes of the modes in a modal state; return their number.
 
@@ -41,7 +41,7 @@ def fill_amplitudes(tables, combination, y, amplitudes):
     return pair_count + tables.real_counts[combination]
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def _can_reach(constants, j, contact_state, line):
     """Return whether mesh j can reach a flank line, the displacement at which its flanks touch.
 
@@ -54,7 +54,7 @@ def _can_reach(constants, j, contact_state, line):
     return may_reach_other_side and not (line == -1 and constants.no_coast_side[j])
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def _distance_sign(contact_state, line):
     """Return the sign, 1 or -1, of the displacement of a mesh relative to a flank line.
 
@@ -67,7 +67,7 @@ def _distance_sign(contact_state, line):
     return -1.0 if contact_state == COAST else 1.0
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def _partial_dot(a, b, count):
     """Return the scalar product of the first `count` entries of a and b.
 
@@ -88,7 +88,7 @@ def _partial_dot(a, b, count):
     return (sum_0 + sum_1) + (sum_2 + sum_3)
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def distance_amplitude(tables, combination, side, j, run, count):
     """Return a bound on the deviation of mesh j's flank distance from its constant part.
 
@@ -102,7 +102,7 @@ def distance_amplitude(tables, combination, side, j, run, count):
     return amplitude + _ROUNDING * (amplitude + abs(tables.constant_distance[combination, side, j]))
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def stays_clear_of_lines(tables, combination, j, constants, run, count):
     """Return whether mesh j provably reaches no flank line before the next change of contact.
 
@@ -136,7 +136,7 @@ def stays_clear_of_lines(tables, combination, j, constants, run, count):
     return True
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def fill_distance_polynomial(polynomials, y, polynomial):
     """Fill `polynomial`, (degree + 1,), with the Bernstein coefficients of a flank distance.
 
@@ -152,7 +152,7 @@ def fill_distance_polynomial(polynomials, y, polynomial):
         fill_product(polynomials, y, polynomial, HIGH_DEGREE + 1)
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def _fill_signed_distance(polynomial, offset, sign, b, count):
     """Fill b with `count` entries of sign * (polynomial + offset) and return the smallest entry.
 
@@ -166,7 +166,7 @@ def _fill_signed_distance(polynomial, offset, sign, b, count):
     return smallest
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def distance_rounding(polynomials, y):
     """Return a bound on the rounding error of a flank distance with coefficients y @ polynomials.
 
@@ -185,7 +185,7 @@ def distance_rounding(polynomials, y):
     return _ROUNDING * magnitude
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def restrict_to_start(b, fraction, n):
     """Replace Bernstein coefficients b on [0, 1] by the coefficients on [0, fraction], in place.
 
@@ -199,7 +199,7 @@ def restrict_to_start(b, fraction, n):
             b[i] = (1.0 - fraction) * b[i - 1] + fraction * b[i]
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _falls_from_rest(b, order, rounding):
     """Return whether a distance that starts at zero with zero slope decreases at first.
 
@@ -215,7 +215,7 @@ def _falls_from_rest(b, order, rounding):
     return derivative < -rounding * weight_sum
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def find_first_events(tables, combination, constants, run, end):
     """Find the first crossing of a flank line by each mesh; return the instant of the earliest one.
 

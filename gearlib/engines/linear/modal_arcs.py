@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.linear.sparse_series import mode_cost_in_steps
 
 #: Degrees of the distance polynomials over an interval. Long intervals of high degree are faster
@@ -117,7 +117,7 @@ def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS):
     )
 
 
-@kernel_without_refcounts
+@kernel(refcounts=False)
 def find_slot(slots, keys, force_indices):
     """Return the hash slot of a combination of contacts, or the free slot in which to store it.
 
@@ -155,7 +155,7 @@ def clear_segment_factors(tables: ModeTables) -> None:
     tables.segment_factor_rows[:] = -1
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def fill_product(matrix, y, product, width):
     """Fill `product`, shape (width,), with y @ matrix; `matrix` has the shape (n, width).
 
@@ -179,7 +179,7 @@ def fill_product(matrix, y, product, width):
         i += 1
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def apply_stored_matrix(matrices, row, z, product):
     """Fill `product`, shape (w,), with the product of a stored matrix and the vector z.
 
@@ -188,7 +188,7 @@ def apply_stored_matrix(matrices, row, z, product):
     fill_product(matrices[row], z, product, matrices.shape[2])
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def fill_mode_factors(tables, combination, t, factors):
     """Fill `factors`, shape (n,), with the factors by which the modes change in the time t.
 
@@ -206,7 +206,7 @@ def fill_mode_factors(tables, combination, t, factors):
         factors[2 * pair_count + k] = math.exp(tables.rates[combination, pair_count + k, 0] * t)
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def find_segment_factors(tables, combination, length_index, t):
     """Return the row of ``tables.segment_factors`` with the mode factors of a whole segment.
 
@@ -223,7 +223,7 @@ def find_segment_factors(tables, combination, length_index, t):
     return tables.segment_factor_rows[combination, length_index]
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def advance_modes(tables, combination, factors, t, y, term, image):
     """Advance a modal state y, shape (n,) or longer, by the time t, in place.
 
@@ -246,7 +246,7 @@ def advance_modes(tables, combination, factors, t, y, term, image):
     _advance_block(matrix, n - first_slow, rate, t, y[first_slow:], term, image)
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def advance_modes_in_time(tables, combination, run, t, y):
     """Advance a modal state y by an arbitrary time t, in place.
 
@@ -257,7 +257,7 @@ def advance_modes_in_time(tables, combination, run, t, y):
     advance_modes(tables, combination, run.mode_factors, t, y, run.term, run.image)
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _advance_block(matrix, size, rate, t, y, term, image):
     """Advance the slow components y of a modal state, shape (size,), by the time t, in place.
 

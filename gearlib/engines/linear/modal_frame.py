@@ -23,7 +23,7 @@ from gearlib.engines.linear.modal_arcs import (
     clear_tables,
     find_slot,
 )
-from gearlib.engines.linear.train_system import TrainSystem, fill_system_matrix
+from gearlib.engines.linear.train_system import TrainSystem, system_matrix
 
 #: Number of terms of the series of e^z for |z| <= 3.6; the next term is 3.6^36 / 36! = 3e-22.
 _TERM_COUNT = 36
@@ -207,8 +207,7 @@ class ModalFrame:
         equal state matrices share a basis. The frame stores the bases and discards all of them when
         there are too many.
         """
-        matrix = np.empty_like(system.base_matrix)
-        fill_system_matrix(system, force_indices, matrix)
+        matrix = system_matrix(system, force_indices)
         matrix_bytes = matrix.tobytes()
         basis = self._bases_by_matrix.get(matrix_bytes)
         if basis is None:

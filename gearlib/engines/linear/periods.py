@@ -8,7 +8,7 @@ rounding count as simultaneous. Their saltation matrices commute, so that the or
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import BOTH, DRIVE, EVENT_LIMIT, JAMMED, OK, UNRESOLVED
-from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.linear.distances import (
     fill_amplitudes,
     find_first_events,
@@ -52,7 +52,7 @@ EVENT_MESH = orbit.EVENT_COLUMNS
 EVENT_COLUMNS = orbit.EVENT_COLUMNS + 1
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def _cross_flank_line(system, constants, run, j, segment, perturbations):
     """Change the contact state of mesh j, which has reached a flank line, in `run`.
 
@@ -102,7 +102,7 @@ def _cross_flank_line(system, constants, run, j, segment, perturbations):
     run.contact[j] = run.contact_after[j]
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def sort_last_event(events, row, first_row):
     """Move the last event of the event table up among events at the same phase, by mesh index.
 
@@ -120,7 +120,7 @@ def sort_last_event(events, row, first_row):
         row -= 1
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, merged=True)
 def run_period(
     system,
     constants,

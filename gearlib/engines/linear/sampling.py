@@ -4,7 +4,7 @@ import math
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.linear.distances import (
     distance_amplitude,
     fill_amplitudes,
@@ -18,7 +18,7 @@ from gearlib.engines.matrices import copy
 from gearlib.engines.polynomial import bernstein_maximum
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _update_extrema(polynomial, is_displacement, stiffness, run, mesh_summary):
     """Update the extrema of displacement and mesh force in a row of the summary.
 
@@ -51,7 +51,7 @@ def _update_extrema(polynomial, is_displacement, stiffness, run, mesh_summary):
             mesh_summary[force_column] = sign * stiffness * extremum
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def _fill_distance(tables, combination, side, j, run):
     """Fill ``run.polynomial`` with the distance of mesh j from a flank line.
 
@@ -68,7 +68,7 @@ def _fill_distance(tables, combination, side, j, run):
         )
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def _motion_stays_within_extrema(system, tables, combination, run, segment, summary, mode_count):
     """Return whether no mesh can exceed its recorded extrema before the next change of contact.
 
@@ -98,7 +98,7 @@ def _motion_stays_within_extrema(system, tables, combination, run, segment, summ
     return True
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def _integrate_distance(tables, combination, side, j, start, end, t):
     """Return the time integral of the distance of mesh j from a flank line over a duration t.
 
@@ -126,7 +126,7 @@ def _integrate_distance(tables, combination, side, j, start, end, t):
     return total
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def sample_motion(
     system, tables, combination, run, segment, phase, length, interval_length, summary, samples
 ):

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from gearlib.engines import matrices
-from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
+from gearlib.engines.jit import kernel_part
 
 #: Used in place of a row of the mode tables for a combination that is integrated by Taylor series.
 SERIES = -2
@@ -75,7 +75,7 @@ def _columns_of_true_entries(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.argsort(~mask, axis=1, kind="stable")[:, : counts.max()].copy(), counts
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _fill_scaled_product(system, constants, force_indices, z, factor, product):
     """Fill `product`, shape (n,), with factor * A @ z, where A is the state matrix of z' = A z.
 
@@ -103,7 +103,7 @@ def _fill_scaled_product(system, constants, force_indices, z, factor, product):
                     product[r] += input_vector[r] * force
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _fill_chirp_rates(constants, k, time_unit, terms):
     """Fill term k + 1 of the Taylor series of the harmonics' derivatives at variable speed.
 
@@ -127,7 +127,7 @@ def _fill_chirp_rates(constants, k, time_unit, terms):
             terms[k + 1, i + 2 + is_sine] = factor * total if is_sine == 1 else -factor * total
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def fill_taylor_series(system, constants, force_indices, z, terms):
     """Fill `terms`, shape (degree + 1, n padded), with the Taylor series of the state z in time.
 
@@ -163,7 +163,7 @@ def fill_taylor_series(system, constants, force_indices, z, terms):
     return time_unit * unit_fraction
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def fill_distance_series(system, constants, terms, distance_series):
     """Fill `distance_series`, (2, m, degree + 2), with the Taylor series of the flank distances.
 
@@ -190,7 +190,7 @@ def fill_distance_series(system, constants, terms, distance_series):
             distance_series[side, j, terms.shape[0]] = magnitude
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def sum_series(terms, n, fraction, state):
     """Fill `state` with the sum of a Taylor series of n components at a fraction of its time unit.
 
@@ -204,7 +204,7 @@ def sum_series(terms, n, fraction, state):
             state[r] = state[r] * fraction + terms[k, r]
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def advance_by_series(system, constants, force_indices, length, z, terms):
     """Advance a state z, or a perturbation of it, by the duration `length` in theta, in place.
 
@@ -219,7 +219,7 @@ def advance_by_series(system, constants, force_indices, length, z, terms):
         remaining -= step
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def series_may_reach_zero(distance_series, sign, degree):
     """Return whether the Taylor series of a flank distance may reach zero within its time unit.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import COAST, DRIVE, JAMMED, NO_CONTACT, OK, OVERFLOW, UNRESOLVED
-from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.linear.periods import SEGMENTS_MISSING, run_period
 from gearlib.engines.linear.train_system import (
     COVERED_PERIODS,
@@ -16,10 +16,9 @@ from gearlib.engines.linear.train_system import (
     SEGMENT,
     ZERO_TOLERANCE,
     dot,
-    fill_system_matrix,
     is_past_coast_line,
-    matrix_vector_product,
     set_harmonics,
+    system_matrix,
 )
 
 #: Largest number of derivatives of a flank distance that are computed to decide the contact of a
@@ -27,22 +26,18 @@ from gearlib.engines.linear.train_system import (
 _MAX_DERIVATIVES = 10
 
 
-@kernel_without_refcounts
-def _sign_or_zero(row_vector, z):
-    """Return the sign of the scalar product of a row vector and z, or 0.0 if it is below rounding.
+def _signs(distance_rows, z):
+    """Return the signs of ``distance_rows @ z``, shape (m,), with 0.0 for values below rounding.
 
     The sum of the magnitudes of the terms scales the rounding error.
     """
-    value, magnitude = 0.0, 0.0
-    for r in range(z.shape[0]):
-        value += row_vector[r] * z[r]
-        magnitude += abs(row_vector[r] * z[r])
-    if abs(value) <= ZERO_TOLERANCE * magnitude:
-        return 0.0
-    return 1.0 if value > 0.0 else -1.0
+    terms = distance_rows * z
+    values, magnitudes = terms.sum(axis=1), np.abs(terms).sum(axis=1)
+    signs = np.where(values > 0.0, 1.0, -1.0)
+    signs[np.abs(values) <= ZERO_TOLERANCE * magnitudes] = 0.0
+    return signs
 
 
-@kernel
 def set_initial_contacts(system, no_coast_side, run, segment):
     """Set the contact states of all meshes for the state at the start of a stiffness segment.
 
@@ -55,52 +50,38 @@ def set_initial_contacts(system, no_coast_side, run, segment):
     """
     m, n = system.drive_distance_rows.shape
     z = run.state[:n]
-    run.zero_order[:] = 0
-    run.start_line[:] = 0
+    drive_signs = _signs(system.drive_distance_rows, z)
+    coast_signs = np.where(no_coast_side, 1.0, _signs(system.coast_distance_rows, z))
     # Nonzero distances decide directly.
-    is_undecided = np.zeros(m, dtype=np.bool_)
-    for j in range(m):
-        drive_sign = _sign_or_zero(system.drive_distance_rows[j], z)
-        coast_sign = 1.0 if no_coast_side[j] else _sign_or_zero(system.coast_distance_rows[j], z)
-        run.contact[j] = NO_CONTACT
-        if drive_sign > 0.0:
-            run.contact[j] = DRIVE
-        elif drive_sign == 0.0:
-            run.start_line[j], is_undecided[j] = 1, True
-        elif coast_sign < 0.0:
-            run.contact[j] = COAST
-        elif coast_sign == 0.0:
-            run.start_line[j], is_undecided[j] = -1, True
-    # The derivative of this order is A^order z with the matrix A of the contacts found so far.
-    matrix = np.empty((n, n))
+    run.contact[:] = NO_CONTACT
+    run.contact[drive_signs > 0.0] = DRIVE
+    run.contact[(drive_signs < 0.0) & (coast_signs < 0.0)] = COAST
+    run.zero_order[:] = run.start_line[:] = 0
+    run.start_line[drive_signs == 0.0] = 1
+    run.start_line[(drive_signs < 0.0) & (coast_signs == 0.0)] = -1
+    is_undecided = run.start_line != 0
+    starts_on_drive_line = (run.start_line == 1)[:, None]
+    rows = np.where(starts_on_drive_line, system.drive_distance_rows, system.coast_distance_rows)
     for order in range(1, _MAX_DERIVATIVES):
         if not is_undecided.any():
             break
-        for j in range(m):
-            run.force_indices[j] = system.force_index[run.contact[j] + 1, segment, j]
-        fill_system_matrix(system, run.force_indices, matrix)
-        derivative = matrix_vector_product(matrix, z)
-        for _ in range(order - 1):
-            derivative = matrix_vector_product(matrix, derivative)
-        for j in range(m):
-            if not is_undecided[j]:
-                continue
-            distance_rows = (
-                system.drive_distance_rows if run.start_line[j] == 1 else system.coast_distance_rows
-            )
-            sign = _sign_or_zero(distance_rows[j], derivative)
-            if sign != 0.0:
-                is_undecided[j], run.zero_order[j] = False, order
-                if sign == run.start_line[j]:
-                    run.contact[j] = run.start_line[j]
-    for j in range(m):
-        if is_undecided[j]:
-            # A mesh that stays on a flank line counts as in contact only on the drive side.
-            run.zero_order[j] = _MAX_DERIVATIVES
-            run.contact[j] = max(run.start_line[j], 0)
+        # The derivative of this order is A^order z with the matrix A of the contacts found so far.
+        matrix = system_matrix(system, system.force_index[run.contact + 1, segment, np.arange(m)])
+        derivative = z
+        for _ in range(order):
+            derivative = matrix @ derivative
+        signs = _signs(rows, derivative)
+        is_decided = is_undecided & (signs != 0.0)
+        run.zero_order[is_decided] = order
+        touches = is_decided & (signs == run.start_line)
+        run.contact[touches] = run.start_line[touches]
+        is_undecided &= ~is_decided
+    # A mesh that stays on a flank line counts as in contact only on the drive side.
+    run.zero_order[is_undecided] = _MAX_DERIVATIVES
+    run.contact[is_undecided] = np.maximum(run.start_line[is_undecided], 0)
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def _exceeds_range(z):
     """Return whether a component of the state z is NaN or so large that its square overflows."""
     for r in range(z.shape[0]):
@@ -110,27 +91,25 @@ def _exceeds_range(z):
     return False
 
 
-@kernel
 def start_run(system, constants, run):
     """Set the harmonics and the contact states in `run` at the start of a run; return a status.
 
     The status is JAMMED if a mesh is in contact on both sides, else OK. `run` is the `RunState`
     with the initial state; `constants` are the `RunConstants` of the `TrainSystem` `system`.
     """
-    n = system.drive_distance_rows.shape[1]
-    set_harmonics(system.harmonics, run.state[:n], 2.0 * math.pi * system.first_period)
+    z = run.state[: system.drive_distance_rows.shape[1]]
+    set_harmonics(system.harmonics, z, 2.0 * math.pi * system.first_period)
     # The last entry of `first_segment` is the end of the excitation period.
     mesh_period = system.first_period % (system.first_segment.shape[0] - 1)
     set_initial_contacts(system, constants.no_coast_side, run, system.first_segment[mesh_period])
-    for j in range(system.drive_distance_rows.shape[0]):
+    for j in np.flatnonzero(constants.may_jam):
         touches = run.contact[j] == DRIVE or run.start_line[j] == 1
-        overlaps = is_past_coast_line(system.coast_distance_rows[j], run.state[:n])
-        if constants.may_jam[j] and touches and overlaps:
+        if touches and is_past_coast_line(system.coast_distance_rows[j], z):
             return JAMMED
     return OK
 
 
-@kernel_without_refcounts
+@kernel(refcounts=False)
 def run_train(
     system,
     constants,
@@ -216,7 +195,6 @@ def run_train(
     return OK
 
 
-@kernel
 def motion_period(system, strobe_states, summary):
     """Return the number of mesh periods after which the motion of all meshes repeats, or 0.
 
@@ -237,7 +215,7 @@ def motion_period(system, strobe_states, summary):
     return period
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def _record_strobe(system, constants, z, strobe_states, row):
     """Write displacement and velocity of all meshes in the state z to ``strobe_states[:, row]``.
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import BOTH, NO_CONTACT
-from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.linear.modal_arcs import HIGH_DEGREE, MAX_COMBINATIONS
 from gearlib.engines.linear.sparse_series import (
     combination_count,
@@ -59,28 +59,22 @@ class TrainSystem(NamedTuple):
     first_period: int = 0  #: reference mesh period of the excitation in which runs begin
 
 
-@kernel_without_refcounts
-def fill_system_matrix(system, force_indices, matrix):
-    """Fill `matrix`, shape (n, n), with the state matrix A of the equation of motion z' = A z.
+def system_matrix(system, force_indices):
+    """Return the state matrix A of the equation of motion z' = A z, shape (n, n).
 
     `system` is the `TrainSystem`, and `force_indices`, int, shape (m,), holds the force index of
     each mesh, 0 without contact. Each mesh adds the outer products of its two forces, the mesh
     force and the friction.
     """
-    for r in range(matrix.shape[0]):
-        for i in range(matrix.shape[0]):
-            matrix[r, i] = system.base_matrix[r, i]
-    for j in range(force_indices.shape[0]):
+    matrix = system.base_matrix.copy()
+    for j, force_index in enumerate(force_indices):
         for k in range(2):
-            force_input = system.force_input[j, force_indices[j], k]
-            force_output = system.force_output[j, force_indices[j], k]
-            for r in range(force_input.shape[0]):
-                if force_input[r] != 0.0:
-                    for i in range(force_input.shape[0]):
-                        matrix[r, i] += force_input[r] * force_output[i]
+            force_input = system.force_input[j, force_index, k]
+            matrix += np.outer(force_input, system.force_output[j, force_index, k])
+    return matrix
 
 
-@kernel_without_refcounts
+@kernel(refcounts=False)
 def set_harmonics(frequencies, z, phase):
     """Set the constant and the harmonics in the state z, shape (n,), for a mesh phase in rad.
 
@@ -94,20 +88,7 @@ def set_harmonics(frequencies, z, phase):
         z[n - 2 * count + 2 * j + 1] = math.sin(frequencies[j] * phase)
 
 
-@kernel
-def matrix_vector_product(matrix, z):
-    """Return the product of a small matrix and the vector z.
-
-    Plain loops are faster for small matrices than a call of a linear algebra library.
-    """
-    product = np.zeros(matrix.shape[0])
-    for r in range(matrix.shape[0]):
-        for i in range(matrix.shape[1]):
-            product[r] += matrix[r, i] * z[i]
-    return product
-
-
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def dot(row_vector, z):
     """Return the scalar product of z, shape (n,), and the first n entries of a row vector."""
     total = 0.0
@@ -116,7 +97,7 @@ def dot(row_vector, z):
     return total
 
 
-@inlined_without_refcounts
+@kernel_part(refcounts=False, inlined=True)
 def next_contact(contact, line):
     """Return the contact state of a mesh after it has crossed a flank line.
 
@@ -149,7 +130,7 @@ def flanks_may_overlap(drive_distance_rows, coast_distance_rows, constant_index)
     )
 
 
-@kernel_without_refcounts
+@kernel_part(refcounts=False)
 def is_past_coast_line(distance_row, z):
     """Return whether the state z lies beyond the coast-side flank line by more than rounding.
 

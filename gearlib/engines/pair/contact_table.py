@@ -20,7 +20,7 @@ The constants of a stiffness level are a row of an array, which kernels select b
 
 import math
 
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.pair.motion import (
     UNDERDAMPED,
     cos_sin,
@@ -60,7 +60,7 @@ LEVEL_COLUMNS = 28
 UNFILLED, NO_TABLE = -1.0, -2.0
 
 
-@kernel
+@kernel_part
 def fill_level_constants(level, length, row):
     """Fill `row`, shape (LEVEL_COLUMNS,), with the constants of a `StiffnessLevel`.
 
@@ -91,7 +91,7 @@ def fill_level_constants(level, length, row):
     row[WITHIN_CYCLE] = 1.0 if length < row[CYCLE_TIME] else 0.0
 
 
-@kernel
+@kernel_part
 def fill_table(level, row, table):
     """Fill `table`, shape (ENTRIES, 2), with two solutions X and S of a `StiffnessLevel`.
 
@@ -125,7 +125,7 @@ def fill_table(level, row, table):
             table[k, 1] = x * step_s + s * (step_x - damping * step_s)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def advance_by_responses(levels, i, u, v, x, s):
     """Return displacement and velocity of a motion in contact, from (u, v), at a later time.
 
@@ -136,7 +136,7 @@ def advance_by_responses(levels, i, u, v, x, s):
     return u * x + v * s, v * (x - levels[i, DAMPING] * s) - levels[i, STIFFNESS] * u * s
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def advance_by_series(levels, i, u, v, t):
     """Return displacement and velocity of a motion in contact, from (u, v), after a short time t.
 
@@ -154,7 +154,7 @@ def advance_by_series(levels, i, u, v, t):
     return advance_by_responses(levels, i, u, v, 1.0 + q * x, t + q * s)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def provably_stays_in_contact(is_half_cycle, is_cycle, v, end_x, end_v):
     """Return whether a motion in contact provably has no minimum below the flank line.
 
@@ -172,7 +172,7 @@ def provably_stays_in_contact(is_half_cycle, is_cycle, v, end_x, end_v):
     return is_cycle and v >= 0.0 and end_v < 0.0
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _step_to_line(height, speed, acceleration, jerk, rate):
     """Return (step, nonlinearity): the time until a height is zero, by an inverted Taylor series.
 
@@ -190,7 +190,7 @@ def _step_to_line(height, speed, acceleration, jerk, rate):
     return step, nonlinearity
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def first_loss_of_contact(levels, tables, i, u, v, k, max_time):
     """Return (time, velocity, table entry) of the first loss of contact within `max_time`.
 
@@ -235,7 +235,7 @@ def first_loss_of_contact(levels, tables, i, u, v, k, max_time):
     return -1.0, 0.0, k
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def lowest_entry(levels, tables, i, u, v):
     """Return (k, is_below): the table entry k at which a motion in contact is lowest.
 
@@ -258,7 +258,7 @@ def lowest_entry(levels, tables, i, u, v):
     return lowest_k, min_height < line
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def first_minimum_is_above(levels, tables, i, u, v, k):
     """Return whether the first minimum of a motion in contact provably lies above the flank line.
 

@@ -15,7 +15,7 @@ one lowest point and therefore one descent and one climb.
 import math
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.jit import kernel
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.pair.motion import (
     UNDERDAMPED,
     climb_time,
@@ -33,7 +33,7 @@ GRAZING_TOLERANCE = 4e-16
 _MAX_NEWTON_STEPS = 480
 
 
-@kernel
+@kernel_part
 def descent_time(level, u, v, line, max_time):
     """Return the first time in [0, max_time] at which a motion in contact falls through a line.
 
@@ -74,7 +74,7 @@ def descent_time(level, u, v, line, max_time):
     return _descent_root(level, u, v, line, descent_start, end)
 
 
-@kernel
+@kernel_part
 def _descent_root(level, u, v, line, lower, upper):
     """Return the time in [lower, upper] at which a motion in contact falls through a line.
 
@@ -102,7 +102,7 @@ def _descent_root(level, u, v, line, lower, upper):
     return t
 
 
-@kernel
+@kernel_part
 def next_impact(drag, load, backlash_ratio, x, v):
     """Return (duration, flank) of a free flight up to its next impact on a flank.
 
@@ -128,7 +128,7 @@ START, DURATION, CONTACT, LEVEL, DISPLACEMENT, VELOCITY = range(6)
 ARC_COLUMNS = 6
 
 
-@kernel
+@kernel_part
 def next_event(pair, level, contact, x, v, max_duration):
     """Return (duration, new contact state, x, v) at the next change of contact of a gear pair.
 
@@ -169,7 +169,7 @@ def next_event(pair, level, contact, x, v, max_duration):
     return max_duration, contact, u + level.equilibrium - pair.backlash_ratio, v
 
 
-@kernel
+@kernel_part
 def march_segment(pair, level_index, start, length, contact, x, v, arcs, arc_count, max_arcs):
     """Run through a segment of constant stiffness; return (contact state, x, v, number of arcs).
 
@@ -185,7 +185,7 @@ def march_segment(pair, level_index, start, length, contact, x, v, arcs, arc_cou
     return contact, x, v, arc_count
 
 
-@kernel
+@kernel_part
 def march_rest_of_segment(
     pair, level_index, start, t, length, contact, x, v, arcs, arc_count, max_arcs, until_impact
 ):
@@ -223,7 +223,7 @@ def march_rest_of_segment(
     return t, contact, x, v, arc_count
 
 
-@kernel
+@kernel_part
 def march_period(pair, contact, x, v, arcs, max_arcs):
     """Run through one mesh period; return (contact state, x, v, number of arcs) at its end.
 

@@ -16,13 +16,13 @@ import math
 import numpy as np
 
 from gearlib.engines.codes import EVENT_LIMIT, NO_CONTACT, OK, OVERFLOW
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.orbit import is_within_range
 from gearlib.engines.pair.events import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_period
 from gearlib.engines.pair.motion import fundamental_solutions, pair_contact_state
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def multiply_from_left(a, b, c, d, matrix):
     """Replace `matrix`, shape (2, 2), by the product [[a, b], [c, d]] @ matrix, in place."""
     for j in range(2):
@@ -31,7 +31,7 @@ def multiply_from_left(a, b, c, d, matrix):
         matrix[1, j] = c * upper + d * lower
 
 
-@kernel
+@kernel_part
 def multiply_by_arc_maps(pair, arcs, arc_count, previous_contact, matrix):
     """Multiply `matrix`, shape (2, 2), from the left by the Jacobian matrices of successive arcs.
 

@@ -34,7 +34,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel_part
 
 #: 1.5 * 2^52; adding it leaves the nearest integer in the last bits of the sum.
 _ROUNDING = 6755399441055744.0
@@ -47,7 +47,7 @@ _QUARTER_HIGH, _QUARTER_LOW = 1.57079632673412561417, 6.07710050650619224932e-11
 _MAX_EXPONENT = 700.0
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def negative_exponential(z):
     """Return exp(-z) for z >= 0 with an error of one unit in the last place, by arithmetic only.
 
@@ -69,7 +69,7 @@ def negative_exponential(z):
     return (1.0 + (r + s * (even + r * odd))) * np.int64(bits).view(np.float64)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def cos_sin(angle):
     """Return (cosine, sine) of an angle in rad, at most 2^20 quarter turns, by arithmetic only.
 
@@ -113,7 +113,7 @@ class StiffnessLevel(NamedTuple):
     stiffness: float  #: c = C / C_s, stiffness divided by its mean
 
 
-@kernel
+@kernel_part
 def stiffness_level_at_tuning(stiffness, damping, tuning):
     """Return the `StiffnessLevel`, the oscillator of a mesh in contact, at a tuning.
 
@@ -138,7 +138,7 @@ def stiffness_level_at_tuning(stiffness, damping, tuning):
     )
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def fundamental_solutions(level, t):
     """Return the two fundamental solutions C and S of a linear oscillator at the time t.
 
@@ -160,7 +160,7 @@ def fundamental_solutions(level, t):
     return decay * (2.0 + difference), -decay * difference / level.frequency
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def evolve(level, u, v, t):
     """Return displacement and velocity of a motion in contact, from (u, v), after the time t.
 
@@ -172,7 +172,7 @@ def evolve(level, u, v, t):
     return u * c + (v + level.decay_rate * u) * s, v * c - q * s
 
 
-@kernel
+@kernel_part
 def next_turning_time(level, u, v):
     """Return the first time t > 0 at which a motion in contact has zero velocity, or infinity.
 
@@ -209,7 +209,7 @@ class PairConstants(NamedTuple):
     tuning: float  #: nu
 
 
-@kernel
+@kernel_part
 def pair_constants_at_tuning(pair_parameters, tuning):
     """Return the `PairConstants` of a gear pair at one tuning nu (mesh / natural frequency).
 
@@ -228,7 +228,7 @@ def pair_constants_at_tuning(pair_parameters, tuning):
     )
 
 
-@kernel
+@kernel_part
 def pair_contact_state(backlash_ratio, x, v):
     """Return the contact state of a gear pair at displacement x and velocity v.
 
@@ -238,7 +238,7 @@ def pair_contact_state(backlash_ratio, x, v):
     return contact_state_with_lines(0.0, -backlash_ratio, x, v)
 
 
-@kernel
+@kernel_part
 def contact_state_with_lines(drive_line, coast_line, x, v):
     """Return the contact state at displacement x and velocity v for two flank lines.
 
@@ -262,7 +262,7 @@ _LAST_NEWTON_STEP = 1e-10
 _MAX_NEWTON_STEPS = 60
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _phi_series(z):
     """Return the functions phi1, phi2 and phi3 at a small z >= 0 by Taylor series.
 
@@ -286,7 +286,7 @@ def _phi_series(z):
     return 1.0 - z * phi2, phi2, phi3
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def phi_functions(z):
     """Return exp(-z), phi1, phi2 and phi3 for z >= 0, without loss of digits at small z.
 
@@ -302,7 +302,7 @@ def phi_functions(z):
     return 1.0 - complement, phi1, phi2, (0.5 - phi2) / z
 
 
-@kernel
+@kernel_part
 def free_flight(drag, load, x, v, t):
     """Return displacement and velocity of a free flight, from (x, v), after the time t.
 
@@ -313,7 +313,7 @@ def free_flight(drag, load, x, v, t):
     return x + t * (v * phi1 + load * t * phi2), v * exponential + load * t * phi1
 
 
-@kernel
+@kernel_part
 def lowest_point_time(drag, load, v):
     """Return the time until the lowest point of a free flight with initial velocity v < 0.
 
@@ -324,7 +324,7 @@ def lowest_point_time(drag, load, v):
     return math.log1p(-2.0 * drag * v / load) / (2.0 * drag)
 
 
-@kernel
+@kernel_part
 def climb_time(drag, load, depth, v):
     """Return the time in which a free flight x'' + 2 drag x' = load climbs by `depth` >= 0.
 
@@ -346,7 +346,7 @@ def climb_time(drag, load, depth, v):
     return t
 
 
-@kernel
+@kernel_part
 def fall_time(drag, load, depth, v):
     """Return the time in which a free flight x'' + 2 drag x' = load falls by `depth` > 0.
 
@@ -366,7 +366,7 @@ def fall_time(drag, load, depth, v):
     return t
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _scaled_flight_time(q):
     """Return -T load / v for a free flight of duration T back to its initial height.
 
@@ -388,7 +388,7 @@ def _scaled_flight_time(q):
     return low_terms + (x4 * x4) * (high_terms + (x4 * x4) * 5.457531285323438e-13)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def return_flight(drag, load, v):
     """Return (duration T, impact velocity) of a free flight from x = 0 with v < 0 back to x = 0.
 

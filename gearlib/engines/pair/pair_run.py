@@ -9,7 +9,7 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import EVENT_LIMIT, OK, OVERFLOW
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.matrices import copy
 from gearlib.engines.orbit import is_within_range
 from gearlib.engines.pair import sampling, settling
@@ -22,7 +22,6 @@ from gearlib.engines.pair.whole_periods import (
     START_SPEED,
     STORED_PERIODS,
     advance_periods,
-    allocate_workspace,
     prepare_run,
     prepare_workspace,
 )
@@ -38,7 +37,7 @@ _ORBIT_DISTANCE = 1e-13
 _END_DISTANCE, _SAME_STATE, _VISIBLE_DISTANCE = 1e-6, 1e-5, 1e-3
 
 
-@kernel
+@kernel_part
 def period_status(x, v, arc_count, max_arcs):
     """Return the status of a run after a mesh period: OK, EVENT_LIMIT or OVERFLOW.
 
@@ -50,7 +49,7 @@ def period_status(x, v, arc_count, max_arcs):
     return OK if is_within_range(x, v) else OVERFLOW
 
 
-@inlined_kernel
+@kernel_part(merged=True)
 def run_whole_period(pair, workspace, n, contact, x, v, max_arcs, arcs):
     """Run through mesh period n and store all its arcs, the parts of the motion between two events.
 
@@ -77,7 +76,7 @@ def run_whole_period(pair, workspace, n, contact, x, v, max_arcs, arcs):
     return contact, x, v, count, arcs
 
 
-@kernel
+@kernel_part
 def run_unrecorded(pair, workspace, contact, x, v, periods, max_arcs):
     """Run through a number of mesh `periods` from mesh phase 0 without a record.
 
@@ -131,40 +130,24 @@ def run_unrecorded(pair, workspace, contact, x, v, periods, max_arcs):
 
 
 @kernel
-def run(pair, x, v, periods, record_periods, samples, events, max_arcs, summary):
+def run(pair, workspace, x, v, periods, record_periods, samples, events, max_arcs, summary):
     """Run a gear pair from displacement x and velocity v at mesh phase 0; record its last periods.
 
     x is in units of the static deflection, v is its derivative by mesh phase, and `pair` holds the
-    `PairConstants`. Of the mesh `periods`, the last `record_periods` are recorded: `samples`, shape
-    (record_periods * n, 6), is filled with n samples per period, where n may be 0; the event table
-    `events`, shape (k, 5), is enlarged as needed unless k = 0; `summary` is filled with extrema and
-    contact times. A period has at most `max_arcs` arcs, parts of the motion between two events.
+    `PairConstants`. `workspace` is a `Workspace` of any earlier run or a new one. Of the mesh
+    `periods`, the last `record_periods` are recorded: `samples`, shape (record_periods * n, 6), is
+    filled with n samples per period, where n may be 0; the event table `events`, shape (k, 5), is
+    enlarged as needed unless k = 0; `summary` is filled with extrema and contact times. A period
+    has at most `max_arcs` arcs, parts of the motion between two events.
 
     Returns (x, v, period, events, event count, status): the final state, the proven period of the
     orbit in mesh periods or 0, the event table with its number of events, and the status OK,
     EVENT_LIMIT or OVERFLOW.
     """
-    workspace = allocate_workspace()
-    prepare_workspace(workspace, pair)
-    return run_in_workspace(
-        pair, workspace, x, v, periods, record_periods, samples, events, max_arcs, summary
-    )
-
-
-@kernel
-def run_in_workspace(
-    pair, workspace, x, v, periods, record_periods, samples, events, max_arcs, summary
-):
-    """Run a gear pair as `run` does, with a `workspace` from `prepare_workspace`.
-
-    `pair` holds the `PairConstants`; x and v are displacement and velocity at mesh phase 0. The
-    last `record_periods` of all `periods` are recorded in `samples`, `events` and `summary`;
-    `max_arcs` is the largest number of arcs (parts between two events) per period. Returns (x, v,
-    period of the orbit or 0, event table, number of events, status).
-    """
     if not is_within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW
     contact = pair_contact_state(pair.backlash_ratio, x, v)
+    prepare_workspace(workspace, pair)
     prepare_run(workspace, x, v)
     first_recorded = periods - record_periods
     contact, x, v, status, settled_period, is_on_orbit = run_unrecorded(
@@ -212,7 +195,7 @@ def run_in_workspace(
     return x, v, period, events, event_rows, OK
 
 
-@kernel
+@kernel_part(merged=True)
 def _prove_period(pair, workspace, n, contact, x, v, max_arcs, summary):
     """Return the proven period of the orbit to which a motion converges, or 0 without a proof.
 
@@ -240,7 +223,7 @@ def _prove_period(pair, workspace, n, contact, x, v, max_arcs, summary):
     return settled.period
 
 
-@kernel
+@kernel_part(merged=True)
 def _period_of_stored_states(
     pair, workspace, periods, first_stored, last_stored, settled_period, summary
 ):
@@ -267,26 +250,34 @@ def _period_of_stored_states(
 
 @kernel
 def run_many(
-    parameters, tunings, order, state, warm_start, span, max_x, summaries, final_states, outcomes
+    parameters,
+    workspace,
+    tunings,
+    order,
+    state,
+    warm_start,
+    span,
+    max_x,
+    summaries,
+    final_states,
+    outcomes,
 ):
     """Run a gear pair at the tunings ``tunings[order]`` and fill a row of each table per tuning.
 
     A tuning is the mesh frequency over the natural frequency; `pair_constants_at_tuning` takes it
-    with the seven `parameters`. A run lasts a `Span` of mesh periods and starts from `state`,
-    shape (2,), or, with `warm_start`, from the end of the previous run unless that failed. A
-    displacement beyond `max_x` gives the status OVERFLOW. The tables have one row per tuning:
-    `summaries`, `final_states`, (n, 2), and `outcomes`, int, (n, 2), with period and status. A
-    failed run leaves NaN in `summaries` and `final_states`.
+    with the seven `parameters`. All runs use one `Workspace`. A run lasts a `Span` of mesh periods
+    and starts from `state`, shape (2,), or, with `warm_start`, from the end of the previous run
+    unless that failed. A displacement beyond `max_x` gives the status OVERFLOW. The tables have one
+    row per tuning: `summaries`, `final_states`, (n, 2), and `outcomes`, int, (n, 2), with period
+    and status. A failed run leaves NaN in `summaries` and `final_states`.
     """
     samples = np.empty((0, orbit.SAMPLE_COLUMNS))
     events = np.empty((0, orbit.EVENT_COLUMNS))
-    workspace = allocate_workspace()
     x, v = state[0], state[1]
     for i in order:
         pair = pair_constants_at_tuning(parameters, tunings[i])
-        prepare_workspace(workspace, pair)
         arguments = samples, events, span.max_events, summaries[i]
-        x, v, period, _, _, status = run_in_workspace(
+        x, v, period, _, _, status = run(
             pair, workspace, x, v, span.periods, span.recorded, *arguments
         )
         if status == OK and max(summaries[i, orbit.X_MAX], -summaries[i, orbit.X_MIN]) > max_x:
@@ -302,14 +293,14 @@ def run_many(
 
 
 @kernel
-def run_many_states(pair, states, periods, max_arcs, final_states, statuses):
+def run_many_states(pair, workspace, states, periods, max_arcs, final_states, statuses):
     """Run a gear pair through a number of mesh `periods` from each of many `states`, shape (k, 2).
 
-    A state is displacement and velocity at mesh phase 0; `pair` holds the `PairConstants`.
+    A state is displacement and velocity at mesh phase 0; `pair` holds the `PairConstants`. All runs
+    use one `Workspace`.
     `final_states`, shape (k, 2), and `statuses`, shape (k,), are filled. A period with more than
     `max_arcs` arcs, parts of the motion between two events, ends a run.
     """
-    workspace = allocate_workspace()
     prepare_workspace(workspace, pair)
     for i in range(states.shape[0]):
         x, v = states[i, 0], states[i, 1]
@@ -324,16 +315,19 @@ def run_many_states(pair, states, periods, max_arcs, final_states, statuses):
 
 
 @kernel
-def fill_sections(pair, states, settle_periods, phase, max_arcs, table, final_states, statuses):
+def fill_sections(
+    pair, workspace, states, settle_periods, phase, max_arcs, table, final_states, statuses
+):
     """Fill `table` with the states (x, v) of n motions at one phase of each mesh period.
 
-    `table` has the shape (n, periods, 2), and `pair` holds the `PairConstants`. The motions start
+    `table` has the shape (n, periods, 2), and `pair` holds the `PairConstants`. All motions use one
+    `Workspace`. The motions start
     from `states`, shape (n, 2), at mesh phase 0, and `settle_periods` mesh periods pass before the
     first entry. `phase` lies in [0, 2 pi). `final_states`, shape (n, 2), and `statuses`, shape
     (n,), are also filled. A period with more than `max_arcs` arcs (parts between two events) ends a
     motion, whose later entries remain unchanged.
     """
-    workspace, arcs = allocate_workspace(), np.empty((16, ARC_COLUMNS))
+    arcs = np.empty((16, ARC_COLUMNS))
     prepare_workspace(workspace, pair)
     for j in range(states.shape[0]):
         x, v, status = states[j, 0], states[j, 1], OVERFLOW

@@ -7,6 +7,7 @@ from gearlib.engines.pair import pair_run
 from gearlib.engines.pair.maps import fill_period_maps
 from gearlib.engines.pair.motion import pair_constants_at_tuning
 from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
+from gearlib.engines.pair.whole_periods import allocate_workspace
 from gearlib.engines.protocol import Engine
 
 
@@ -56,7 +57,9 @@ class Propagator(Engine):
         `first_period` has no effect, because all mesh periods are equal.
         """
         tables = samples, events, span.max_events, summary
-        result = pair_run.run(self.pair, *z, span.periods, span.recorded, *tables)
+        result = pair_run.run(
+            self.pair, allocate_workspace(), *z, span.periods, span.recorded, *tables
+        )
         *z[:], period, events, event_count, status = result
         return Record(z, z, period, samples, events[:event_count], summary, status)
 
@@ -71,7 +74,14 @@ class Propagator(Engine):
         if not isinstance(order, np.ndarray):
             return super().sweep(tunings, order, state, warm_start, span, result_tables)
         pair_run.run_many(
-            self.parameters, tunings, order, np.array(state), warm_start, span, *result_tables
+            self.parameters,
+            allocate_workspace(),
+            tunings,
+            order,
+            np.array(state),
+            warm_start,
+            span,
+            *result_tables,
         )
 
     def fill_maps(self, z, periods, max_events, maps, first_period):
@@ -92,9 +102,11 @@ class Propagator(Engine):
         """
         states = np.ascontiguousarray(states)
         final_states, statuses = np.empty(states.shape), np.empty(len(states), np.int64)
-        pair_run.run_many_states(self.pair, states, periods, max_events, final_states, statuses)
+        pair_run.run_many_states(
+            self.pair, allocate_workspace(), states, periods, max_events, final_states, statuses
+        )
         return final_states, statuses
 
     def sections(self, *arguments):
         """Fill a table with the states at one phase of each mesh period; see `Engine.sections`."""
-        pair_run.fill_sections(self.pair, *arguments)
+        pair_run.fill_sections(self.pair, allocate_workspace(), *arguments)

@@ -4,7 +4,7 @@ import math
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.pair.events import CONTACT, DISPLACEMENT, DURATION, LEVEL, START, VELOCITY
 from gearlib.engines.pair.motion import (
     UNDERDAMPED,
@@ -15,7 +15,7 @@ from gearlib.engines.pair.motion import (
 )
 
 
-@kernel
+@kernel_part
 def _update_extrema(pair, level, contact, x, summary):
     """Update the extrema in `summary` with a displacement x and the mesh force at x.
 
@@ -34,7 +34,7 @@ def _update_extrema(pair, level, contact, x, summary):
     summary[orbit.FORCE_MIN] = min(summary[orbit.FORCE_MIN], force)
 
 
-@kernel
+@kernel_part
 def add_arcs_to_summary(pair, arcs, arc_count, summary):
     """Add the extrema, the contact times and the mean force of successive arcs to `summary`.
 
@@ -92,7 +92,7 @@ def add_arcs_to_summary(pair, arcs, arc_count, summary):
         _update_extrema(pair, level, contact, end_x, summary)
 
 
-@kernel
+@kernel_part
 def record_events(arcs, arc_count, previous_contact, period, events, event_count, summary):
     """Add the contact changes between successive arcs to `summary` and to the event table.
 
@@ -112,7 +112,7 @@ def record_events(arcs, arc_count, previous_contact, period, events, event_count
     return events, event_count, previous_contact
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def state_in_arc(pair, arc, t):
     """Return displacement, velocity, acceleration and mesh force at phase t of the mesh period.
 
@@ -133,7 +133,7 @@ def state_in_arc(pair, arc, t):
     return u + equilibrium, v, acceleration, level.stiffness * (u + level.equilibrium)
 
 
-@kernel
+@kernel_part
 def sample_arcs(pair, arcs, arc_count, samples):
     """Fill `samples`, shape (n, 6), with the motion at the phases in their column SAMPLE_PHASE.
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import DRIVE, NO_CONTACT
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.orbit import MAX_PERIOD, is_within_range
 from gearlib.engines.pair import events
 from gearlib.engines.pair.maps import multiply_by_arc_maps
@@ -54,13 +54,13 @@ class SettledOrbit(NamedTuple):
     matrix: tuple  #: M, row by row
 
 
-@kernel
+@kernel_part
 def no_settled_orbit():
     """Return the `SettledOrbit` of a run that has not been proven to settle."""
     return SettledOrbit(0, 0.0, 0.0, (1.0, 0.0, 0.0, 1.0))
 
 
-@kernel
+@kernel_part
 def _state_norm(pair, x, v):
     """Return the norm of a state (x, v) in units of the static deflection.
 
@@ -70,7 +70,7 @@ def _state_norm(pair, x, v):
     return math.hypot(x, pair.tuning * v)
 
 
-@kernel
+@kernel_part
 def repeat_period(pair, workspace, n, relative_tolerance):
     """Return the smallest number of mesh periods after which the stored states repeat, or 0.
 
@@ -90,7 +90,7 @@ def repeat_period(pair, workspace, n, relative_tolerance):
     return 0
 
 
-@kernel
+@kernel_part
 def _avoids_grazing(line, x, speed, margin, orbit_distance):
     """Return whether a motion at displacement x with a `speed` avoids grazing a flank line.
 
@@ -102,7 +102,7 @@ def _avoids_grazing(line, x, speed, margin, orbit_distance):
     return abs(x - line) > margin or abs(speed) > min_speed
 
 
-@kernel
+@kernel_part
 def all_arcs_avoid_grazing(pair, arcs, arc_count, orbit_distance):
     """Return whether no arc of a motion comes close to grazing a flank line.
 
@@ -151,7 +151,7 @@ def all_arcs_avoid_grazing(pair, arcs, arc_count, orbit_distance):
     return True
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def matrix_product(a, b):
     """Return the product a b of two 2 x 2 matrices, each a tuple of four entries, row by row."""
     return (
@@ -162,7 +162,7 @@ def matrix_product(a, b):
     )
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _map_norm(pair, matrix):
     """Return the Frobenius norm of a 2 x 2 map of states in units of the static deflection.
 
@@ -174,7 +174,7 @@ def _map_norm(pair, matrix):
     return math.sqrt(matrix[0] * matrix[0] + upper * upper + lower * lower + matrix[3] * matrix[3])
 
 
-@kernel
+@kernel_part
 def power_sum_bound(pair, matrix):
     """Return an upper bound of 1 + |M| + |M^2| + ..., or infinity if M hardly contracts.
 
@@ -191,7 +191,7 @@ def power_sum_bound(pair, matrix):
     return 2.0 * total if _map_norm(pair, matrix) <= 0.5 else math.inf
 
 
-@kernel
+@kernel_part
 def prove_settled(pair, workspace, n, contact, x, v, period_count, max_arcs, tolerance):
     """Run through `period_count` mesh periods and try to prove convergence to an orbit.
 
@@ -202,7 +202,9 @@ def prove_settled(pair, workspace, n, contact, x, v, period_count, max_arcs, tol
     holds the `PairConstants`, and `workspace` has been prepared for them. Returns (contact state,
     x, v, number of arcs, `SettledOrbit`) at the end of these periods.
     """
-    arcs, jacobian = np.empty((_MAX_ARCS, events.ARC_COLUMNS)), np.eye(2)
+    arcs, jacobian = np.empty((_MAX_ARCS, events.ARC_COLUMNS)), np.empty((2, 2))
+    jacobian[0, 0] = jacobian[1, 1] = 1.0
+    jacobian[0, 1] = jacobian[1, 0] = 0.0
     start_x, start_v, previous_contact, is_clear, arc_count = x, v, contact, True, 0
     for i in range(period_count):
         contact, x, v, arc_count = advance_periods(
@@ -233,7 +235,7 @@ def prove_settled(pair, workspace, n, contact, x, v, period_count, max_arcs, tol
     return contact, x, v, arc_count, SettledOrbit(period_count, offset_x, offset_v, matrix)
 
 
-@kernel
+@kernel_part
 def offset_after_repeats(settled, k):
     """Return the offset (x, v) of a settled run from its orbit after k >= 0 repeats, M^k e.
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.orbit import STROBE_PERIODS, is_within_range
 from gearlib.engines.pair import contact_table as table
 from gearlib.engines.pair import events
@@ -43,14 +43,13 @@ class Workspace(NamedTuple):
     states: np.ndarray  #: state at the end of period n in row n % STORED_PERIODS
 
 
-@kernel
 def allocate_workspace():
     """Return an empty `Workspace`, to be prepared by `prepare_workspace`."""
     levels, tables = np.zeros((2, table.LEVEL_COLUMNS)), np.zeros((2, table.ENTRIES, 2))
     return Workspace(levels, tables, np.zeros(_MEMORY_SIZE), np.zeros((STORED_PERIODS, 2)))
 
 
-@kernel
+@kernel_part
 def prepare_workspace(workspace, pair):
     """Set the constants of both stiffness levels of a gear pair in a `Workspace`.
 
@@ -60,7 +59,7 @@ def prepare_workspace(workspace, pair):
     table.fill_level_constants(pair.high_level, pair.half_high_length, workspace.levels[1])
 
 
-@kernel
+@kernel_part
 def prepare_run(workspace, x, v):
     """Prepare a `Workspace` for a run from displacement x and velocity v at mesh phase 0."""
     workspace.memory[REMAINING] = -1.0  # No free flight is in progress.
@@ -69,7 +68,7 @@ def prepare_run(workspace, x, v):
     workspace.states[0, 0], workspace.states[0, 1] = x, v
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _append_arc(arcs, row, start, duration, contact, level, x, v):
     """Write an arc, the motion between two events, to a row of the arc table; return the next row.
 
@@ -84,7 +83,7 @@ def _append_arc(arcs, row, start, duration, contact, level, x, v):
     return row + 1
 
 
-@kernel
+@kernel_part
 def advance_periods(pair, workspace, n, contact, x, v, periods, max_arcs, arcs):
     """Run a gear pair through a number of mesh `periods` from tau = 2 pi n.
 

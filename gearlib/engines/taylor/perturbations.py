@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from gearlib.engines.codes import NO_CONTACT
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.taylor.series import (
     D1,
     D2,
@@ -36,7 +36,7 @@ _MAX_ANGLE = 1.18
 _W, _RATE, _ACCELERATION, _DAMPING, _STIFFNESS, _FORCE_SLOPE = range(6)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def stiffness_bound(mesh):
     """Return an upper bound of the stiffness of both flanks at all phases.
 
@@ -47,7 +47,7 @@ def stiffness_bound(mesh):
     return max(bound, _segment_stiffness_bound(segments, harmonics))
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _segment_stiffness_bound(stiffness_segments, harmonics):
     """Return an upper bound at all phases of a piecewise linear stiffness with harmonics.
 
@@ -61,7 +61,7 @@ def _segment_stiffness_bound(stiffness_segments, harmonics):
     return total + stiffness_segments[:, 0].max()
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def max_perturbation_step(constants, max_stiffness, contact_state, x, v):
     """Return the longest step in phase over which the series of a perturbation converges.
 
@@ -82,7 +82,7 @@ def max_perturbation_step(constants, max_stiffness, contact_state, x, v):
     )
 
 
-@kernel
+@kernel_part
 def _fill_equation(constants, contact_state, velocity_sign, series, perturbation):
     """Fill the series of damping and stiffness in the equation of a small perturbation w.
 
@@ -111,7 +111,7 @@ def _fill_equation(constants, contact_state, velocity_sign, series, perturbation
                 stiffness_series[i + k] += series[STIFFNESS, i] * force_slope[k]
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _series_value(coefficients, t):
     """Return the value at t of a power series with ORDER + 1 coefficients, constant first."""
     total = coefficients[ORDER]
@@ -120,14 +120,14 @@ def _series_value(coefficients, t):
     return total
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def set_identity(map_matrix):
     """Set the map of a perturbation (w, w'), shape (2, 2), to the identity matrix."""
     map_matrix[0, 0] = map_matrix[1, 1] = 1.0
     map_matrix[0, 1] = map_matrix[1, 0] = 0.0
 
 
-@kernel
+@kernel_part
 def map_step(constants, contact_state, velocity_sign, step, series, perturbation, map_matrix):
     """Multiply a map of perturbations (w, w'), shape (2, 2), from the left by the map of a step.
 
@@ -160,7 +160,7 @@ def map_step(constants, contact_state, velocity_sign, step, series, perturbation
         map_matrix[0, j], map_matrix[1, j] = _series_value(w, step), _series_value(rate, step)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _damping_coefficient(constants, speed):
     """Return the damping force divided by x' at the speed |x'|.
 
@@ -169,7 +169,7 @@ def _damping_coefficient(constants, speed):
     return constants[D1] + constants[D2] * speed + constants[D3] * speed * speed
 
 
-@kernel
+@kernel_part
 def map_crossing(constants, segment, contact_before, contact_after, v, map_matrix):
     """Multiply a map of perturbations, (2, 2), from the left by the saltation matrix of a crossing.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import COAST, DRIVE, EVENT_LIMIT, NO_CONTACT, OK, OVERFLOW, UNRESOLVED
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.orbit import Record, Span, is_within_range
 from gearlib.engines.pair.motion import contact_state_with_lines
 from gearlib.engines.polynomial import (
@@ -51,7 +51,7 @@ from gearlib.engines.taylor.series import (
 _NO_EVENT, _DRIVE_FLANK, _COAST_FLANK, _TURNING_POINT = range(4)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _fill_scaled_polynomial(series, quantity, reference, factor, step):
     """Fill the row SCALED of `series` with the polynomial factor * (a - reference) in t / step.
 
@@ -69,7 +69,7 @@ def _fill_scaled_polynomial(series, quantity, reference, factor, step):
     return tail
 
 
-@kernel
+@kernel_part
 def first_crossing(series, quantity, threshold, direction, step, to_bernstein, workspace):
     """Return the fraction of a step at which a quantity a(t) first crosses the value `threshold`.
 
@@ -87,7 +87,7 @@ def first_crossing(series, quantity, threshold, direction, step, to_bernstein, w
     return first_downward_crossing(polynomial, to_bernstein, workspace)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def take_step(
     constants,
     harmonics,
@@ -163,7 +163,7 @@ def take_step(
     return t, step_contact, contact_state, math.copysign(1.0, v), x, v
 
 
-@kernel
+@kernel_part
 def add_step_to_summary(
     tuning, below_mean, to_bernstein, step, contact_state, series, workspace, summary
 ):
@@ -192,7 +192,7 @@ def add_step_to_summary(
         )
 
 
-@kernel
+@kernel_part
 def add_samples(tuning, phase, step, contact_state, series, samples, sample):
     """Fill the samples that lie in a Taylor step; return the index of the next sample.
 
@@ -221,7 +221,7 @@ def add_samples(tuning, phase, step, contact_state, series, samples, sample):
     return sample
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def samples_of_period(samples, recorded_period, record_periods, duration):
     """Return the rows of the sample table of one recorded mesh period, with their phases filled in.
 

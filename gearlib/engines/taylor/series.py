@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel_part
 from gearlib.engines.matrices import copy
 from gearlib.engines.pair.motion import cos_sin
 
@@ -74,7 +74,7 @@ class NonlinearMesh(NamedTuple):
     coast_stiffness_harmonics: np.ndarray  #: `stiffness_harmonics` of the coast flank
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def damping_coefficients(mesh, contact_state):
     """Return the damping coefficients d1, d2, d3, shape (3,), for a contact state.
 
@@ -86,7 +86,7 @@ def damping_coefficients(mesh, contact_state):
     return mesh.drive_damping if contact_state == DRIVE else mesh.coast_damping
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _fill_harmonics(harmonics, series_terms):
     """Tabulate the factors of the Taylor series of harmonics; return the mean, the order 0.
 
@@ -110,7 +110,7 @@ def _fill_harmonics(harmonics, series_terms):
     return mean
 
 
-@kernel
+@kernel_part
 def tabulate_mesh(mesh):
     """Return (constants, harmonics) of a `NonlinearMesh` for the Taylor steps.
 
@@ -150,7 +150,7 @@ def tabulate_mesh(mesh):
     return constants, harmonics
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _add_harmonics(harmonics, group, phase, series, quantity):
     """Add the Taylor coefficients of harmonics at a phase to the row `quantity` of `series`.
 
@@ -172,7 +172,7 @@ def _add_harmonics(harmonics, group, phase, series, quantity):
         series[quantity, ORDER] += harmonics[group, j, 3 + ORDER] * even
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _square_and_cube_terms(series, quantity, square_quantity, k):
     """Return coefficient k of a^2 and of a^3 without the terms 2 a_0 a_k and 3 a_0^2 a_k.
 
@@ -199,7 +199,7 @@ def _square_and_cube_terms(series, quantity, square_quantity, k):
     return square_sum, cube_sum + cube_tail + square_sum * constant_term
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _product_coefficient(series, quantity, other_quantity, k):
     """Return coefficient k of the product of two power series, a sum of k + 1 products.
 
@@ -223,7 +223,7 @@ def _product_coefficient(series, quantity, other_quantity, k):
     )
 
 
-@kernel
+@kernel_part
 def expand_motion(
     constants, harmonics, segment, phase, contact_state, velocity_sign, x, v, series, term_count
 ):
@@ -284,7 +284,7 @@ def expand_motion(
     series[MESH_FORCE, ORDER] = 0.0
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def step_length(constants, series, max_step):
     """Return the longest step up to `max_step` for which the last series terms are negligible.
 
@@ -309,7 +309,7 @@ def step_length(constants, series, max_step):
     return min(step_ratio * step_scale, max_step)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def state_at(series, t):
     """Return (x, x') of a Taylor series at the phase t after its start.
 

@@ -30,7 +30,7 @@ from gearlib.engines.codes import (
     OVERFLOW,
     UNRESOLVED,
 )
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.orbit import is_within_range
 from gearlib.engines.pair.maps import multiply_from_left
 from gearlib.engines.polynomial import WORKSPACE_ROWS, parabola_minimum
@@ -94,7 +94,7 @@ class ToothPairSystem(NamedTuple):
     may_jam: bool  #: whether pairs of teeth and the coast side may touch at once
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _evaluate_linear_form(form, t, x):
     """Return factor * x - offset, a force or an overlap, at the displacement x and the phase t.
 
@@ -105,7 +105,7 @@ def _evaluate_linear_form(form, t, x):
     return factor * x - form[OFFSET] - t * (form[OFFSET_SLOPE] + t * form[OFFSET_SQUARE])
 
 
-@kernel
+@kernel_part
 def find_contact_mask(overlaps, active_mask, coast_line, t, x):
     """Return the mask of the tooth pairs that are in contact at a displacement x and a phase t.
 
@@ -131,7 +131,7 @@ def find_contact_mask(overlaps, active_mask, coast_line, t, x):
     return coast_mask if best_mask == 0 and x < coast_line else best_mask
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _expand_parabola(value, slope, square, t, speed, acceleration):
     """Return the five Taylor coefficients in time of a parabola in the mesh phase.
 
@@ -148,7 +148,7 @@ def _expand_parabola(value, slope, square, t, speed, acceleration):
     )
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _expand_linear_form(form, t, speed, acceleration):
     """Return the Taylor coefficients in time of the factor and of the offset, five each.
 
@@ -164,7 +164,7 @@ def _expand_linear_form(form, t, speed, acceleration):
     )
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _fill_linear_form(series, quantity, expansion):
     """Fill the row `quantity` of `series` with the Taylor series in time of factor * x - offset.
 
@@ -179,7 +179,7 @@ def _fill_linear_form(series, quantity, expansion):
         series[quantity, k] = value - offsets[k] if k <= _DEGREE else value
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _expand_motion(expansion, load, load_rate, damping, force_scale, x, v, step, max_step, series):
     """Fill the Taylor series of the motion that starts from (x, v), as far as a step needs it.
 
@@ -225,7 +225,7 @@ def _expand_motion(expansion, load, load_rate, damping, force_scale, x, v, step,
     return x_change, v_change, tail
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _keeps_sign(expansion, sign, step, tail, series):
     """Return whether bounds prove that sign * (factor * x - offset) stays positive in a step.
 
@@ -252,7 +252,7 @@ def _keeps_sign(expansion, sign, step, tail, series):
     return parabola_minimum(sign * constant, sign * slope, sign * square) > remainder
 
 
-@kernel
+@kernel_part
 def _map_step(form, t, damping, force_scale, step, map_matrix):
     """Multiply a map of perturbations, shape (2, 2), from the left by the map of a Taylor step.
 
@@ -279,7 +279,7 @@ def _map_step(form, t, damping, force_scale, step, map_matrix):
     multiply_from_left(image[0, 0], image[0, 1], image[1, 0], image[1, 1], map_matrix)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _first_contact_event(
     overlaps,
     active_mask,
@@ -338,7 +338,7 @@ def _first_contact_event(
     return first_fraction, first_pair
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _contact_state_of_mask(contact_mask, coast_mask):
     """Return the contact state (drive 1, none 0, coast -1) for a contact mask.
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import EVENT_LIMIT, OK, OVERFLOW, STALLED
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.orbit import is_within_range
 from gearlib.integrators.steps.equation_of_motion import acceleration_at
 
@@ -52,7 +52,7 @@ class StepControl(NamedTuple):
     max_step: float  #: longest step, rad of mesh phase
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
     """Return (x, v) after a Runge-Kutta step of length h from displacement x and velocity v.
 
@@ -84,7 +84,7 @@ def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
     return new_x, new_v
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
     """Return the relative error of a step of length h, to be compared with rtol.
 
@@ -103,7 +103,7 @@ def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
     return h * max(x_error, v_error)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _first_step(control: StepControl, end: float, x: float, v: float, a: float) -> float:
     """Return the length of the first step, chosen as in MATLAB's ode45.
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.linear.train_system import TrainSystem, dot, is_past_coast_line, set_harmonics
 from gearlib.engines.taylor.series import NonlinearMesh
 
@@ -51,7 +51,7 @@ def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLa
     return ContactLaw(drive, free, coast, stiffness, *map(float, constants), is_simple)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def contact_state_at(contact_law: ContactLaw, x: float) -> int:
     """Return the contact state (drive side, coast side or no contact) at the displacement x."""
     if x >= contact_law.drive_x:
@@ -59,20 +59,20 @@ def contact_state_at(contact_law: ContactLaw, x: float) -> int:
     return COAST if x <= contact_law.coast_x else NO_CONTACT
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def damping_force(coefficients: tuple, v: float) -> float:
     """Return the damping force d1 v + d2 |v| v + d3 v^3 for the coefficients (d1, d2, d3)."""
     return (coefficients[0] + (coefficients[1] + coefficients[2] * abs(v)) * abs(v)) * v
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _force_over_stiffness(contact_law: ContactLaw, deflection: float) -> float:
     """Return g, the elastic contact force over the mesh stiffness, at an elastic deflection."""
     p2, p3 = contact_law.nonlinear_stiffness
     return deflection + (p2 * abs(deflection) + p3 * deflection * deflection) * deflection
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def contact_terms(contact_law: ContactLaw, contact_state: int) -> tuple:
     """Return (1.0 in contact, else 0.0; displacement at first contact; damping coefficients).
 
@@ -86,7 +86,7 @@ def contact_terms(contact_law: ContactLaw, contact_state: int) -> tuple:
     return 0.0, contact_law.drive_x, contact_law.backlash_damping
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def contact_forces(contact_law: ContactLaw, contact_state: int, x: float, v: float) -> tuple:
     """Return (elastic force over stiffness g, damping force) without smoothing.
 
@@ -98,7 +98,7 @@ def contact_forces(contact_law: ContactLaw, contact_state: int, x: float, v: flo
     return g, damping_force(damping, v)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
     """Return (elastic force over stiffness g, contact factor H1 + H2) of the smoothed contact law.
 
@@ -115,7 +115,7 @@ def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
     return g, h1 + h2
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def force_and_acceleration(contact_law, contact_state, stiffness, external_force, x, v) -> tuple:
     """Return (elastic mesh force over stiffness g, acceleration x'') at displacement x, velocity v.
 
@@ -133,7 +133,7 @@ def force_and_acceleration(contact_law, contact_state, stiffness, external_force
     return g, external_force - ground_force - damping - stiffness * g
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def acceleration(contact_law, stiffness, external_force, x: float, v: float) -> float:
     """Return the acceleration x'' at displacement x, which determines the contact, and velocity v.
 
@@ -153,7 +153,7 @@ def acceleration(contact_law, stiffness, external_force, x: float, v: float) -> 
     return force_and_acceleration(contact_law, contact_state, stiffness, external_force, x, v)[1]
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
     """Return the value of a Fourier series at a phase.
 
@@ -170,7 +170,7 @@ def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
     return total
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def stiffness_at(segment_bounds, stiffness_segments, harmonics, phase, phase_shift) -> float:
     """Return the mesh stiffness at a phase from 0 to 2 pi: a line on each segment plus harmonics.
 
@@ -194,7 +194,7 @@ def stiffness_at(segment_bounds, stiffness_segments, harmonics, phase, phase_shi
     return line_value + harmonic_sum(harmonics, phase)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def acceleration_at(
     segment_bounds, stiffness_segments, stiffness_harmonics, force_harmonics, contact_law, t, x, v
 ) -> float:
@@ -232,7 +232,7 @@ def mesh_acceleration(contact_law, mesh: NonlinearMesh, t: float, x: float, v: f
     )
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _segment_stiffness(segment_bounds, stiffness_segments, harmonics, segment, t) -> float:
     """Return the mesh stiffness at the mesh phase t on a segment.
 

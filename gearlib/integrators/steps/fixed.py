@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import JAMMED, NOT_CONVERGED, OK, OVERFLOW
-from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.jit import kernel, kernel_part
 from gearlib.engines.orbit import is_within_range
 from gearlib.engines.taylor.series import NonlinearMesh
 from gearlib.integrators.steps.equation_of_motion import (
@@ -68,7 +68,7 @@ def tabulate_excitation(mesh: NonlinearMesh, steps: int, middle_fraction: float)
     return stiffness, force, has_jump
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
     """Return (x, v) after a step of length h of the classical Runge-Kutta method.
 
@@ -87,7 +87,7 @@ def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
     return x + weight * (v + 2.0 * (v2 + v3) + v4), v + weight * (a1 + 2.0 * (a2 + a3) + a4)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> float:
     """Return the acceleration at the end of a generalised-alpha step with frozen contact.
 
@@ -114,7 +114,7 @@ def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle
     return net_force / (1.0 - alpha_m + secant_damping * dv_da + secant_stiffness * dx_da)
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> tuple:
     """Return (acceleration at the end of a step, iterations, converged) by Newton's method.
 
@@ -164,7 +164,7 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
     return a, iterations, False
 
 
-@inlined_kernel
+@kernel_part(inlined=True)
 def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start_a) -> tuple:
     """Return (x, v, a, evaluations, converged) after a step of the generalised-alpha method.
 
