@@ -208,7 +208,7 @@ def fill_event(event, period, phase, contact_before, contact_after, velocity) ->
     event[EVENT_VELOCITY] = velocity
 
 
-@kernel_part
+@kernel_part(merged=True)
 def repeat_record(samples, events, event_count, recorded_periods, periods):
     """Fill the record of `periods` mesh periods by repeating its first `recorded_periods`.
 

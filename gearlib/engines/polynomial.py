@@ -268,7 +268,7 @@ def first_bernstein_crossing(workspace, zero_count, end, value_error):
     return (2.0 if depth < 0 else -1.0), 0.0
 
 
-@kernel_part
+@kernel_part(merged=True)
 def first_downward_crossing(
     coefficients: np.ndarray, to_bernstein: np.ndarray, workspace: np.ndarray
 ) -> float:
@@ -301,7 +301,7 @@ def first_downward_crossing(
     return first_bernstein_crossing(workspace, zero_count, 1.0, value_error)[0]
 
 
-@kernel_part
+@kernel_part(merged=True)
 def polynomial_maximum(coefficients, to_bernstein, workspace, lower_bound):
     """Return the largest value of a polynomial on [0, 1], or `lower_bound` if that is larger.
 

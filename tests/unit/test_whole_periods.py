@@ -36,9 +36,9 @@ def march_event_by_event(mesh, x, v, periods):
 
 
 @kernel
-def march_whole_periods(mesh, x, v, periods):
+def march_whole_periods(mesh, workspace, x, v, periods):
     """Return (contact state, x, v, arc count of the last period) after whole mesh periods."""
-    workspace, no_arcs = allocate_workspace(), np.empty((0, ARC_COLUMNS))
+    no_arcs = np.empty((0, ARC_COLUMNS))
     prepare_workspace(workspace, mesh)
     prepare_run(workspace, x, v)
     contact = pair_contact_state(mesh.backlash_ratio, x, v)
@@ -54,7 +54,7 @@ def test_whole_period_steps_match_events_one_by_one(seed):
         mesh = pair_constants_at_tuning(
             dimensionless_parameters(GearPair.from_ratios(**values)), tuning
         )
-        _, *end, arcs = march_whole_periods(mesh, x, v, periods)
+        _, *end, arcs = march_whole_periods(mesh, allocate_workspace(), x, v, periods)
         exact = np.array(march_event_by_event(mesh, x, v, periods)[1:])
         # Perturbed initial states show how much the motion amplifies rounding errors, which chaotic
         # and undamped motions do by any factor. A perturbation of 1e-13 is about 1000 roundings.

@@ -128,7 +128,7 @@ START, DURATION, CONTACT, LEVEL, DISPLACEMENT, VELOCITY = range(6)
 ARC_COLUMNS = 6
 
 
-@kernel_part
+@kernel_part(merged=True)
 def next_event(pair, level, contact, x, v, max_duration):
     """Return (duration, new contact state, x, v) at the next change of contact of a gear pair.
 

@@ -92,7 +92,7 @@ def add_arcs_to_summary(pair, arcs, arc_count, summary):
         _update_extrema(pair, level, contact, end_x, summary)
 
 
-@kernel_part
+@kernel_part(merged=True)
 def record_events(arcs, arc_count, previous_contact, period, events, event_count, summary):
     """Add the contact changes between successive arcs to `summary` and to the event table.
 
