@@ -7,6 +7,7 @@ polynomial is not sampled: any dip below zero, however short, has a negative coe
 functions report a search that needs too many halvings.
 """
 
+import functools
 import math
 
 import numpy as np
@@ -41,11 +42,12 @@ _VALUE_TOLERANCE = 4e-14
 _PEAK_LOCATION_TOLERANCE = 1e-9
 
 
+@functools.cache
 def bernstein_matrix(degree: int) -> np.ndarray:
     """Return the matrix that converts power coefficients to Bernstein coefficients on [0, 1].
 
     Its shape is (degree + 1, degree + 1). Row i holds the weights of power coefficient i in all
-    Bernstein coefficients.
+    Bernstein coefficients. Later calls return the same array, which must not be changed.
     """
     matrix = np.zeros((degree + 1, degree + 1))
     for j in range(degree + 1):

@@ -18,7 +18,6 @@ from gearlib.engines.linear.train_system import (
     dot,
     is_past_coast_line,
     set_harmonics,
-    system_matrix,
 )
 
 #: Largest number of derivatives of a flank distance that are computed to decide the contact of a
@@ -62,20 +61,28 @@ def set_initial_contacts(system, no_coast_side, run, segment):
     is_undecided = run.start_line != 0
     starts_on_drive_line = (run.start_line == 1)[:, None]
     rows = np.where(starts_on_drive_line, system.drive_distance_rows, system.coast_distance_rows)
+    # The derivative of an order is A^order z with the matrix A of the contacts found so far.
+    derivative, derivative_order, meshes = z, 0, np.arange(m)
     for order in range(1, _MAX_DERIVATIVES):
         if not is_undecided.any():
             break
-        # The derivative of this order is A^order z with the matrix A of the contacts found so far.
-        matrix = system_matrix(system, system.force_index[run.contact + 1, segment, np.arange(m)])
-        derivative = z
-        for _ in range(order):
-            derivative = matrix @ derivative
+        if derivative_order == 0:
+            force_indices = system.force_index[run.contact + 1, segment, meshes]
+            # Each mesh exerts two forces, the mesh force and the friction.
+            force_input = system.force_input[meshes, force_indices].reshape(2 * m, n)
+            force_output = system.force_output[meshes, force_indices].reshape(2 * m, n)
+        for _ in range(order - derivative_order):
+            forces = force_output @ derivative
+            derivative = system.base_matrix @ derivative + forces @ force_input
+        derivative_order = order
         signs = _signs(rows, derivative)
         is_decided = is_undecided & (signs != 0.0)
-        run.zero_order[is_decided] = order
-        touches = is_decided & (signs == run.start_line)
-        run.contact[touches] = run.start_line[touches]
-        is_undecided &= ~is_decided
+        if is_decided.any():
+            run.zero_order[is_decided] = order
+            touches = is_decided & (signs == run.start_line)
+            run.contact[touches] = run.start_line[touches]
+            is_undecided &= ~is_decided
+            derivative, derivative_order = z, 0
     # A mesh that stays on a flank line counts as in contact only on the drive side.
     run.zero_order[is_undecided] = _MAX_DERIVATIVES
     run.contact[is_undecided] = np.maximum(run.start_line[is_undecided], 0)
