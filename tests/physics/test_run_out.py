@@ -25,10 +25,10 @@ def test_a_damped_motion_repeats_with_the_run_out(teeth, repeats, nu):
     """Runs, sweeps and orbits must have the period after which both gears are in phase again."""
     pair = damped_gears(teeth)
     assert pair.repeats == repeats
-    settings = {"periods": 2 * repeats + 300, "record_periods": 1}
-    run = simulate(pair, nu, **settings)
+    run_options = {"periods": 2 * repeats + 300, "record_periods": 1}
+    run = simulate(pair, nu, **run_options)
     assert int(run.period) == repeats
-    assert int(sweep(pair, [nu], **settings).period[0]) == repeats
+    assert int(sweep(pair, [nu], **run_options).period[0]) == repeats
     # The shooting method for orbits does not use the known period of the run-out.
     orbit = periodic_orbit(pair, nu, period=repeats)
     assert orbit.stable and int(orbit.dataset().period) == repeats

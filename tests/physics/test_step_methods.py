@@ -99,11 +99,11 @@ def test_small_steps_come_close_to_the_exact_motion(method, options, tolerance):
 
     The motion starts on the coast side and bounces in every period.
     """
-    settings = {"periods": 4, "record_periods": 4, "samples_per_period": 64}
-    settings["initial_state"] = -2.0, 0.0
-    reference = simulate(NONLINEAR_PAIR, 0.9, **settings)
+    run_options = {"periods": 4, "record_periods": 4, "samples_per_period": 64}
+    run_options["initial_state"] = -2.0, 0.0
+    reference = simulate(NONLINEAR_PAIR, 0.9, **run_options)
     assert float(reference.bounces) >= 1.0 and float(reference.fraction_coast) > 0.02
-    run = simulate(NONLINEAR_PAIR, 0.9, method=method, options=options, **settings)
+    run = simulate(NONLINEAR_PAIR, 0.9, method=method, options=options, **run_options)
     for name in ("displacement", "fraction_coast", "contact_loss_fraction"):
         np.testing.assert_allclose(run[name], reference[name], rtol=0, atol=tolerance)
     # Step methods determine extrema from step ends and samples only.
@@ -193,8 +193,8 @@ def test_rk45_takes_the_steps_of_ode45(nu, rtol):
 def test_evaluations_are_counted(method, options, count, record_periods):
     """A run of seven periods must report the expected number of force evaluations."""
     state = tuple(simulate(DAMPED_PAIR, 0.7, periods=100).final_state.values)
-    settings = {"periods": 7, "record_periods": record_periods, "initial_state": state}
-    run = simulate(DAMPED_PAIR, 0.7, method=method, options=options, **settings)
+    run_options = {"periods": 7, "record_periods": record_periods, "initial_state": state}
+    run = simulate(DAMPED_PAIR, 0.7, method=method, options=options, **run_options)
     assert int(run.evaluations) == count
 
 
