@@ -28,76 +28,78 @@ def sum_of_harmonics(harmonics, phase):
     )
 
 
-def force_and_acceleration(mesh, code, phase, x, v):
+def force_and_acceleration(mesh, contact, phase, x, v):
     """Return mesh force and acceleration at the displacement x and the velocity v.
 
-    They follow from the equation of motion in the docstring of `taylor.series`; `code` is the
+    They follow from the equation of motion in the docstring of `taylor.series`; `contact` is the
     contact state.
     """
-    side = "coast_stiffness" if code == COAST else "stiffness"
+    side = "coast_stiffness" if contact == COAST else "stiffness"
     value, slope = getattr(mesh, f"{side}_segments")[SEGMENT]
     stiffness = value + slope * (phase - mesh.segment_bounds[SEGMENT])
     stiffness += sum_of_harmonics(getattr(mesh, f"{side}_harmonics"), phase)
-    deflection = x - (mesh.coast_line if code == COAST else mesh.drive_line)
+    deflection = x - (mesh.coast_line if contact == COAST else mesh.drive_line)
     quadratic, cubic = mesh.stiffness_powers
     mesh_force = 0.0
-    if code != NO_CONTACT:
+    if contact != NO_CONTACT:
         powers = deflection + quadratic * abs(deflection) * deflection + cubic * deflection**3
         mesh_force = stiffness * powers
     # The contact states -1, 0 and 1 select the damping coefficients.
     dampings = mesh.coast_damping, mesh.backlash_damping, mesh.drive_damping
-    linear, quadratic, cubic = dampings[code + 1]
+    linear, quadratic, cubic = dampings[contact + 1]
     damping_force = linear * v + quadratic * abs(v) * v + cubic * v**3
     external_force = sum_of_harmonics(mesh.force_harmonics, phase) - mesh.ground_stiffness * x
     return mesh_force, external_force - damping_force - mesh_force
 
 
-def expand_motion(name, code, sign, x_change=0.0, v_change=0.0):
+def expand_motion(name, contact, sign, x_change=0.0, v_change=0.0):
     """Return the constants of a mesh and the Taylor series of a motion.
 
-    The motion has the contact state `code` and a velocity with the given sign. The changes are
+    The motion has the contact state `contact` and a velocity with the given sign. The changes are
     added to its initial displacement and velocity.
     """
     mesh, terms = MESH_CONSTANTS[name], np.zeros((series.ROWS, ORDER + 1))
     displacements = mesh.coast_line - 0.6, mesh.drive_line - 0.2, mesh.drive_line + 0.6
-    x, v = displacements[code + 1] + x_change, 0.8 * sign + v_change
+    x, v = displacements[contact + 1] + x_change, 0.8 * sign + v_change
     constants, harmonics = series.tabulate_mesh(mesh)
-    series.expand_motion(constants, harmonics, SEGMENT, PHASE, code, sign, x, v, terms, ORDER)
+    series.expand_motion(constants, harmonics, SEGMENT, PHASE, contact, sign, x, v, terms, ORDER)
     return constants, terms
 
 
-@pytest.mark.parametrize(("name", "code", "sign"), CASES)
-def test_a_series_satisfies_the_equation_of_motion(name, code, sign):
+@pytest.mark.parametrize(("name", "contact", "sign"), CASES)
+def test_a_series_satisfies_the_equation_of_motion(name, contact, sign):
     """At three times of a step, acceleration and mesh force must satisfy the equation of motion."""
-    constants, terms = expand_motion(name, code, sign)
+    constants, terms = expand_motion(name, contact, sign)
     max_step = 0.5
     step, velocity = series.step_length(constants, terms, max_step), Polynomial(terms[VELOCITY])
     for t in (0.0, 0.4 * step, step):
         x, v = series.state_at(terms, t)
         assert (x, v) == pytest.approx((Polynomial(terms[DISPLACEMENT])(t), velocity(t)))
-        force, acceleration = force_and_acceleration(MESH_CONSTANTS[name], code, PHASE + t, x, v)
+        force, acceleration = force_and_acceleration(MESH_CONSTANTS[name], contact, PHASE + t, x, v)
         # The truncation error of the acceleration is the derivative of the first omitted term.
         assert velocity.deriv()(t) == pytest.approx(acceleration, rel=0, abs=1e-10)
         assert Polynomial(terms[MESH_FORCE])(t) == pytest.approx(force, rel=0, abs=1e-10)
     assert 0.05 < step <= max_step and series.step_length(constants, terms, 1e4) < 1e4
 
 
-@pytest.mark.parametrize(("name", "code", "sign"), CASES)
-def test_the_map_of_a_step_matches_difference_quotients(name, code, sign):
+@pytest.mark.parametrize(("name", "contact", "sign"), CASES)
+def test_the_map_of_a_step_matches_difference_quotients(name, contact, sign):
     """The derivative of the final with respect to the initial state must match differences."""
-    constants, terms = expand_motion(name, code, sign)
-    segment_constants = constants[code + 1, SEGMENT]
+    constants, terms = expand_motion(name, contact, sign)
+    segment_constants = constants[contact + 1, SEGMENT]
     step_map, workspace = np.empty((2, 2)), np.zeros((6, ORDER + 1))
     stiffness_bound = perturbations.stiffness_bound(MESH_CONSTANTS[name])
     state = terms[[DISPLACEMENT, VELOCITY], 0]
-    max_step = perturbations.max_perturbation_step(segment_constants, stiffness_bound, code, *state)
+    max_step = perturbations.max_perturbation_step(
+        segment_constants, stiffness_bound, contact, *state
+    )
     step = min(0.1, max_step)
     perturbations.set_identity(step_map)
-    perturbations.map_step(segment_constants, code, sign, step, terms, workspace, step_map)
+    perturbations.map_step(segment_constants, contact, sign, step, terms, workspace, step_map)
     increment, quotients = 1e-5, []
     for direction in np.eye(2):
         forward_state, backward_state = (
-            series.state_at(expand_motion(name, code, sign, *change)[1], step)
+            series.state_at(expand_motion(name, contact, sign, *change)[1], step)
             for change in (increment * direction, -increment * direction)
         )
         quotients.append(np.subtract(forward_state, backward_state) / (2.0 * increment))

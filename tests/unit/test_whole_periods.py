@@ -71,14 +71,14 @@ def test_whole_period_steps_match_events_one_by_one(seed):
 
 
 @pytest.mark.parametrize("distance", [1e-8, 1e-11])
-def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
+def test_a_motion_that_slowly_passes_a_vanished_orbit_is_not_settled(distance):
     """A motion that passes the place of a vanished orbit slowly must not be reported as periodic.
 
     Just beyond the fold, the motion moves by at most 1e-10 per period past the vanished orbit at
     x = -0.16, for up to 1e6 periods. Then it settles on another orbit with x > 0.28.
     """
     pair = GearPair.from_ratios(**PAIR_RATIOS, damping=0.0617, backlash_damping=0.0617)
-    tuning, creeping_run_count = FOLD_TUNING + distance, 0
+    tuning, slow_run_count = FOLD_TUNING + distance, 0
     for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
         run = simulate(pair, tuning, periods=periods, initial_state=FOLD_STATE)
         _, *exact, _ = march_whole_periods(
@@ -87,8 +87,8 @@ def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
         x, v = run.final_state.values
         assert abs(x - exact[0]) + abs(v - exact[1]) < 1e-12
         assert int(run.period) == 0 or x > 0.28
-        creeping_run_count += x < 0.0
-    assert creeping_run_count > 1 and x > 0.28
+        slow_run_count += x < 0.0
+    assert slow_run_count > 1 and x > 0.28
 
 
 def test_the_record_of_a_settled_orbit_matches_an_engine_without_shortcut():
