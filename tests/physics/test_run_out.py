@@ -45,7 +45,7 @@ def test_trust_is_undecided_below_two_repeats_of_the_run_out():
     """
     result = trust(damped_gears(UNEQUAL_TEETH), 0.9, periods=300, exponent_periods=100)
     assert result.label == "undecided"
-    assert "two repeats of the run-out, of 744 periods each" in result.message
+    assert "two run-out periods of 744 each" in result.message
 
 
 def repeating_period(displacement, velocity, repeats):
@@ -54,7 +54,7 @@ def repeating_period(displacement, velocity, repeats):
     `repeats` is the number of mesh periods after which the run-out repeats.
     """
     states = np.stack([displacement, velocity], axis=1)
-    return orbit.orbit_period(states, tuning=1.0, displacement_range=1.0, repeats=repeats)
+    return orbit.orbit_period(states, tuning=1.0, displacement_range=1.0, excitation_period=repeats)
 
 
 def test_the_period_is_judged_over_a_whole_repeat_of_the_run_out():
