@@ -574,15 +574,13 @@ def test_a_train_of_matrices_with_gyroscopic_forces_is_exported(tmp_path):
         "speed.pinion", "speed.wheel"
     )
     motion, _ = acceleration.rigid_motion(train, ["pinion", "wheel"])
-    base_radius, wheel_over_pinion_teeth = 0.04, 2.0
+    base_radius, gear_ratio = 0.04, 2.0
     rotation = train.structure.motions[0, 2] @ motion / base_radius
     inertia = motion @ train.structure.mass @ motion / rotation**2
     # Vibrations are superimposed on the rotation.
     expected_change = torque / inertia * (end - start)
     assert final_pinion_speed - pinion_speed == pytest.approx(expected_change, rel=1e-2)
-    assert final_wheel_speed == pytest.approx(
-        -final_pinion_speed / wheel_over_pinion_teeth, rel=1e-2
-    )
+    assert final_wheel_speed == pytest.approx(-final_pinion_speed / gear_ratio, rel=1e-2)
 
 
 @needs_compiler

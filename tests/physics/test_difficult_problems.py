@@ -23,9 +23,9 @@ def test_state_and_events_of_both_exact_methods_match_50_digits(name):
     model, tuning = PROBLEMS[name].model, PROBLEMS[name].tuning
     periods, state = PROBLEMS[name].periods, PROBLEMS[name].state
     (x, v), *events = propagate_pair(model, tuning, periods, state)
-    settings = {"periods": periods, "record_periods": periods, "initial_state": state}
+    run_options = {"periods": periods, "record_periods": periods, "initial_state": state}
     for method in ("exact", "taylor"):
-        run = simulate(model, tuning, method=method, **settings)
+        run = simulate(model, tuning, method=method, **run_options)
         displacement_range = max(1.0, float(run.displacement_max - run.displacement_min))
         # A velocity times the tuning has the scale of a displacement.
         difference = np.abs(run.final_state.values - [float(x), float(v)]) * [1.0, tuning]

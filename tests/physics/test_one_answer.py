@@ -45,9 +45,9 @@ def dynamic_factors(settings, gears):
     `settings` is the checked configuration with the section `gears`.
     """
     speed, damping_ratio = gears["speed"], DAMPINGS["usual"]["damping_ratio"]
-    mesh = settings.gears.gear_stage()
+    gear_stage = settings.gears.gear_stage()
     load = {"torque": gears["torque"], "damping_ratio": damping_ratio}
-    yield duty_point(mesh, speed, **load).dynamic_factor.item()
+    yield duty_point(gear_stage, speed, **load).dynamic_factor.item()
     rows = json.loads(run_command("gears", "--format", "json"))
     values_by_name = {row["name"]: row["values"] for row in rows}
     yield from values_by_name["dynamic_factor"].values()
@@ -83,6 +83,6 @@ def test_library_commands_and_explorer_give_the_same_dynamic_factor(gears, tmp_p
     duty_point_factor, *other_factors = dynamic_factors(config.load(mapping), gears)
     assert duty_point_factor > 1.005 and len(other_factors) == 5
     assert other_factors == pytest.approx([duty_point_factor] * 5, rel=1e-9)
-    mesh = config.load(mapping).gears.gear_stage()
-    slow_point = duty_point(mesh, 1.0, torque=gears["torque"], damping_ratio=0.05)
+    gear_stage = config.load(mapping).gears.gear_stage()
+    slow_point = duty_point(gear_stage, 1.0, torque=gears["torque"], damping_ratio=0.05)
     assert slow_point.dynamic_factor == pytest.approx(1.0, abs=0.01)

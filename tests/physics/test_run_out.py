@@ -25,10 +25,10 @@ def test_a_damped_motion_repeats_with_the_run_out(teeth, repeats, nu):
     """Runs, sweeps and orbits must have the period after which both gears are in phase again."""
     pair = damped_gears(teeth)
     assert pair.repeats == repeats
-    settings = {"periods": 2 * repeats + 300, "record_periods": 1}
-    run = simulate(pair, nu, **settings)
+    run_options = {"periods": 2 * repeats + 300, "record_periods": 1}
+    run = simulate(pair, nu, **run_options)
     assert int(run.period) == repeats
-    assert int(sweep(pair, [nu], **settings).period[0]) == repeats
+    assert int(sweep(pair, [nu], **run_options).period[0]) == repeats
     # The shooting method for orbits does not use the known period of the run-out.
     orbit = periodic_orbit(pair, nu, period=repeats)
     assert orbit.stable and int(orbit.dataset().period) == repeats
@@ -45,7 +45,7 @@ def test_trust_is_undecided_below_two_repeats_of_the_run_out():
     """
     result = trust(damped_gears(UNEQUAL_TEETH), 0.9, periods=300, exponent_periods=100)
     assert result.label == "undecided"
-    assert "two repeats of the run-out, of 744 periods each" in result.message
+    assert "two run-out periods of 744 each" in result.message
 
 
 def repeating_period(displacement, velocity, repeats):
@@ -54,7 +54,7 @@ def repeating_period(displacement, velocity, repeats):
     `repeats` is the number of mesh periods after which the run-out repeats.
     """
     states = np.stack([displacement, velocity], axis=1)
-    return orbit.orbit_period(states, tuning=1.0, displacement_range=1.0, repeats=repeats)
+    return orbit.orbit_period(states, tuning=1.0, displacement_range=1.0, excitation_period=repeats)
 
 
 def test_the_period_is_judged_over_a_whole_repeat_of_the_run_out():

@@ -148,9 +148,16 @@ def test_run_ups_of_tooth_pairs_without_relief_match_their_gear_pair(standstill_
 
     The speed course begins (index 0) or ends (index 3) with standstill.
     """
-    iso = {"stiffness": "iso", "corner_contact": False, "torque": 300.0, "damping_ratio": 0.05}
-    mesh = replace(fzg_c(), backlash=2e-6)
-    model = gearlib.LoadSharingPair.from_geometry(mesh, **iso, backlash_damping_ratio=0.01)
+    iso_options = {
+        "stiffness": "iso",
+        "corner_contact": False,
+        "torque": 300.0,
+        "damping_ratio": 0.05,
+    }
+    gear_stage = replace(fzg_c(), backlash=2e-6)
+    model = gearlib.LoadSharingPair.from_geometry(
+        gear_stage, **iso_options, backlash_damping_ratio=0.01
+    )
     speed, load = random_courses(np.random.default_rng(3), model, 0.7, 60, swing=0.6)
     speed[standstill_index] = speed[standstill_index][0], 0.0
     mass, radius = 0.5 * model.reduced_mass, 0.05

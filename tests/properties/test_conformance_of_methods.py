@@ -14,7 +14,13 @@ from gearlib import Fourier, GearPair, OneDegreePair, integrators, simulate, swe
 from gearlib.engines.summary_columns import COLUMNS
 from tests.independent.differences import SHARES
 from tests.paper import PAPER_PAIR
-from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SPLIT, VARIANTS
+from tests.physics.test_step_methods import (
+    DAMPED_PAIR,
+    METHOD_VARIANTS,
+    NONLINEAR_PAIR,
+    PAIR_DAMPED_IN_CONTACT,
+    SCIPY_WITH_EVENTS,
+)
 from tests.properties.cases import random_trains_case
 from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
 from tests.properties.test_summaries import TEETH
@@ -34,7 +40,7 @@ class Accuracy(NamedTuple):
 #: and the root of an interpolant, which is taken for the event, make this larger by a factor of
 #: 1e3.
 #: After the kink of |x'| x' a Runge-Kutta pair loses another digit.
-METHODS = {"scipy": Accuracy(SPLIT, 1e-8, 1e-8), "heyoka": Accuracy({}, 1e-12, 1e-11)}
+METHODS = {"scipy": Accuracy(SCIPY_WITH_EVENTS, 1e-8, 1e-8), "heyoka": Accuracy({}, 1e-12, 1e-11)}
 THICK = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 FAR = -THICK.backlash_ratio
 MOTIONS = {
@@ -43,11 +49,11 @@ MOTIONS = {
     "rest on the flank line": Known(THICK, 0.82, (0.0, 0.0)),
     "rest on the far line": Known(THICK, 0.82, (FAR, 0.0)),
     "both flanks": Known(THICK, 0.9, (-1.0, -6.0), 4),
-    "no gap": Known(PAIR.replace(backlash=0.0), 0.8, (0.5, -2.0), 4),
-    "no coast-side flank": Known(PAIR.replace(backlash=math.inf), 0.8, (0.5, -2.0), 4),
-    "without oil": Known(OIL_FREE, 0.8, (1.0, -3.0)),
-    "everything": Known(FULL, 0.8, (1.0, -3.0)),
-    "harmonics": Known(OneDegreePair(pair=PAIR, profile=Fourier(3)), 0.8, (1.0, -3.0)),
+    "no gap": Known(DAMPED_PAIR.replace(backlash=0.0), 0.8, (0.5, -2.0), 4),
+    "no coast-side flank": Known(DAMPED_PAIR.replace(backlash=math.inf), 0.8, (0.5, -2.0), 4),
+    "without oil": Known(PAIR_DAMPED_IN_CONTACT, 0.8, (1.0, -3.0)),
+    "everything": Known(NONLINEAR_PAIR, 0.8, (1.0, -3.0)),
+    "harmonics": Known(OneDegreePair(pair=DAMPED_PAIR, profile=Fourier(3)), 0.8, (1.0, -3.0)),
     "quadratic": Known(
         OneDegreePair(pair=THICK, profile=Fourier(3), quadratic_damping=3e4), 0.9, (0.0, 0.0), 10
     ),
@@ -89,7 +95,11 @@ def test_a_motion_matches_the_exact_method(method, name):
         np.testing.assert_allclose(run[column], exact[column], rtol=0, atol=atol, err_msg=column)
 
 
-RUNS = [(OIL_FREE, method, options) for method, options in VARIANTS if options != SPLIT]
+RUNS = [
+    (PAIR_DAMPED_IN_CONTACT, method, options)
+    for method, options in METHOD_VARIANTS
+    if options != SCIPY_WITH_EVENTS
+]
 RUNS += [(THICK, method, {}) for method in sorted({"exact", "heyoka"} & INSTALLED)]
 RUNS += [(OneDegreePair(pair=UNDAMPED, **CUBIC), "taylor", {}), (bouncing_train(), "rk4", {})]
 RUNS += [(KNOWN[name].model, "exact", {}) for name in ("gear_rattle", "unequal gears", "reducer")]
@@ -123,5 +133,7 @@ def test_methods_refuse_models_that_they_cannot_run():
     unsupported = [(bouncing_train(), method) for method in ("taylor", "rk45", "newmark")]
     unsupported += [(TEETH, method) for method in ("rk4", "scipy", "heyoka")]
     for model, method in unsupported:
-        with pytest.raises(ValueError, match=f"method = '{method}' .* it supports .* must be one of"):
+        with pytest.raises(
+            ValueError, match=f"method = '{method}' .* it supports .* must be one of"
+        ):
             gearlib.simulate(model, 0.9, periods=1, method=method)

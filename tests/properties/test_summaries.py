@@ -10,7 +10,7 @@ from gearlib import LoadSharingPair, integrators
 from gearlib.data import summary
 from gearlib.runs import simulation
 from tests.geometry.stages import fzg_c
-from tests.physics.test_step_methods import SPLIT, VARIANTS
+from tests.physics.test_step_methods import METHOD_VARIANTS, SCIPY_WITH_EVENTS
 from tests.properties.known_models import KNOWN, Known
 
 #: Number of samples in each mesh period.
@@ -18,7 +18,7 @@ SAMPLES = 1000
 ROUNDING = 1e-9
 TEETH = LoadSharingPair.from_geometry(fzg_c(), torque=300.0, damping_ratio=0.05, stiffness="iso")
 MODELS = KNOWN | {"pairs of teeth": Known(TEETH, 0.9, (0.0, 0.0), 20)}
-METHODS = [("exact", {}), ("taylor", {}), ("heyoka", {}), *VARIANTS]
+METHODS = [("exact", {}), ("taylor", {}), ("heyoka", {}), *METHOD_VARIANTS]
 CASES = [
     (name, method, options)
     for name, case in MODELS.items()
@@ -135,7 +135,7 @@ def test_summary_follows_from_samples_and_events(name, method, options):
     run = gearlib.simulate(model, tuning, samples_per_period=SAMPLES, **settings)
     assert int(run.status) == 0 and (np.diff(run.event_phase) >= 0.0).all()
     # Long steps go across switches, which samples then show late.
-    sample_error = 50 if method in ("rk45", "scipy") and options != SPLIT else 1
+    sample_error = 50 if method in ("rk45", "scipy") and options != SCIPY_WITH_EVENTS else 1
     bounds = bounds_of_summary(model, run, recorded, sample_error)
     # Datasets of models with one mesh lack some columns, which the summary table has.
     table = simulation.run(model, tuning, samples_per_period=1, **settings).summary

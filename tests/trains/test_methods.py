@@ -9,7 +9,7 @@ import scipy.integrate
 import gearlib
 from gearlib.data import status
 from tests.paper import PAPER_PAIR
-from tests.physics.test_step_methods import SPLIT
+from tests.physics.test_step_methods import SCIPY_WITH_EVENTS
 
 VARIABLES = ("displacement", "velocity", "dynamic_force", "body_motion", "final_state", "bounces")
 VARIABLES += ("mean_force", "fraction_drive", "contact_loss_fraction", "fraction_coast")
@@ -50,7 +50,7 @@ def test_solvers_that_step_over_switches_agree_within_a_tolerance(method, option
     ("method", "options", "periods"),
     # rk4 is unstable with two steps in a mesh period; scipy has a second event within three
     # periods.
-    [("rk4", {"steps_per_period": 2}, 900), ("scipy", SPLIT, 3)],
+    [("rk4", {"steps_per_period": 2}, 900), ("scipy", SCIPY_WITH_EVENTS, 3)],
 )
 def test_runs_that_diverge_or_exceed_max_events_have_a_status_and_no_final_state(
     method, options, periods
@@ -74,5 +74,5 @@ def test_a_failing_solver_ends_the_run_with_a_status(state, code, monkeypatch):
 
     monkeypatch.setattr(scipy.integrate, "solve_ivp", failing_solve)
     start = state if isinstance(state, str) else (state,) * bouncing_train().size
-    settings = {"method": "scipy", "options": SPLIT, "initial_state": start}
+    settings = {"method": "scipy", "options": SCIPY_WITH_EVENTS, "initial_state": start}
     assert int(gearlib.simulate(bouncing_train(), 0.9, periods=6, **settings).status) == code

@@ -142,7 +142,7 @@ def test_gears_are_described_by_the_properties_their_model_uses(run_command):
 def test_a_run_up_an_orbit_and_trust_print_their_results(run_command):
     """Printed states and multipliers must be those of the library, rounded to six digits."""
     line = "run-up PAIR_OPTIONS --start 2000rpm --stop 2500 --acceleration 1000"
-    assert "revolutions; the revolution of the largest force" in run_command(line)
+    assert "revolutions; the revolution with the largest force" in run_command(line)
     # Acceleration and duration exclude each other.
     assert "acceleration = 1000.0 is not allowed" in run_command(
         f"{line} --duration 1", exit_code=2

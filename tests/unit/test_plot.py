@@ -44,8 +44,11 @@ def test_plots_are_drawn_into_given_axes():
         (lambda run: plot.resonance([run]), "gearlib.plot.resonance draws datasets"),
         (lambda run: plot.values(run, [[]]), "is missing"),
         (lambda run: plot.time_course(run, variable=[]), "gearlib.plot.time_course draws datasets"),
-        (lambda run: plot.time_course(run, labels=[3]), r"^labels = \[3\] .* 1 texts"),
-        (lambda run: plot.phase_plane(run, axes=3), "^axes = 3 is not allowed: it must be axes"),
+        (lambda run: plot.time_course(run, labels=[3]), r"^labels = \[3\] .* 1 string"),
+        (
+            lambda run: plot.phase_plane(run, axes=3),
+            "^axes = 3 is not allowed: it must be matplotlib axes",
+        ),
     ],
 )
 def test_data_that_cannot_be_drawn_are_refused(call, message):

@@ -63,6 +63,7 @@ def test_tolerance_distributions_match_scipy(tolerance, reference_distribution):
     ],
 )
 def test_correlations_of_a_gaussian_copula_match_closed_forms(tolerance, expected):
+    """Correlations must follow from the correlation of the underlying normal variables, 0.6."""
     correlations = [["free", "load", 0.6]]
     _, values = sample_tolerances(
         {"free": tolerance, "load": tolerance, "correlations": correlations}
@@ -220,9 +221,9 @@ def test_tooth_thicknesses_follow_the_series_of_din_3967():
 
 def test_backlash_and_deviation_scatter_by_the_classes_of_gears():
     """Sampled backlashes and deviations must lie within the limits of their tolerance classes."""
-    mesh = fzg_c(quality=7)
-    tolerances = by_class(mesh, thickness=("26cd", "26c"), centre_distance="js8", form=True)
-    gears = StageDesign(mesh, torque=302.0, damping_ratio=0.06, keep_backlash=False)
+    stage = fzg_c(quality=7)
+    tolerances = by_class(stage, thickness=("26cd", "26c"), centre_distance="js8", form=True)
+    gears = StageDesign(stage, torque=302.0, damping_ratio=0.06, keep_backlash=False)
     designs = Designs(gears, tolerances | {"torque": {"mean": 302.0, "std": 10.0}})
     assert designs.units("pinion.thickness_allowance")[0] == "m"
     models = [designs.model(row) for row in designs.values(designs.points(0, 16))]
@@ -230,6 +231,6 @@ def test_backlash_and_deviation_scatter_by_the_classes_of_gears():
     # Allowances make the teeth thinner by 139 to 199 um in sum, and the tolerance of the centre
     # distance changes the backlash further.
     assert 100e-6 < min(backlashes) < max(backlashes) < 280e-6
-    max_amplitude = mesh.pinion.form_deviation / 2.0
+    max_amplitude = stage.pinion.form_deviation / 2.0
     amplitudes = [abs(model.deviation.cosines[0]) for model in models]
     assert 0.5 * max_amplitude < max(amplitudes) <= max_amplitude

@@ -71,14 +71,14 @@ def test_whole_period_steps_match_events_one_by_one(seed):
 
 
 @pytest.mark.parametrize("distance", [1e-8, 1e-11])
-def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
+def test_a_motion_that_slowly_passes_a_vanished_orbit_is_not_settled(distance):
     """A motion that passes the place of a vanished orbit slowly must not be reported as periodic.
 
     Just beyond the fold, the motion moves by at most 1e-10 per period past the vanished orbit at
     x = -0.16, for up to 1e6 periods. Then it settles on another orbit with x > 0.28.
     """
     pair = GearPair.from_ratios(**PAIR_RATIOS, damping=0.0617, backlash_damping=0.0617)
-    tuning, creeping_run_count = FOLD_TUNING + distance, 0
+    tuning, slow_run_count = FOLD_TUNING + distance, 0
     for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
         run = simulate(pair, tuning, periods=periods, initial_state=FOLD_STATE)
         mesh = pair_constants_at_tuning(dimensionless_parameters(pair), tuning)
@@ -86,8 +86,8 @@ def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
         x, v = run.final_state.values
         assert abs(x - exact[0]) + abs(v - exact[1]) < 1e-12
         assert int(run.period) == 0 or x > 0.28
-        creeping_run_count += x < 0.0
-    assert creeping_run_count > 1 and x > 0.28
+        slow_run_count += x < 0.0
+    assert slow_run_count > 1 and x > 0.28
 
 
 def test_the_record_of_a_settled_orbit_matches_an_engine_without_shortcut():
@@ -95,16 +95,16 @@ def test_the_record_of_a_settled_orbit_matches_an_engine_without_shortcut():
     # A case has the damping ratio and the first and last tuning. The last two ranges have motions
     # that repeat after three and five mesh periods.
     cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
-    span = {"periods": 3000, "record_periods": 24, "samples_per_period": 8}
+    run_options = {"periods": 3000, "record_periods": 24, "samples_per_period": 8}
     names = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_drive"]
     names += ["fraction_min_stiffness", "displacement", "final_state", "event_phase"]
     periods = set()
     for damping, first_tuning, last_tuning in cases:
         pair = GearPair.from_ratios(**PAIR_RATIOS, damping=damping, backlash_damping=damping)
         for nu in np.linspace(first_tuning, last_tuning, 10):
-            run = simulate(pair, nu, **span)
+            run = simulate(pair, nu, **run_options)
             # The engine of this model computes all periods.
-            full_run = simulate(OneDegreePair(pair=pair), nu, **span)
+            full_run = simulate(OneDegreePair(pair=pair), nu, **run_options)
             for name in names:
                 # Phases of events at low velocities are less accurate than displacements.
                 atol = 1e-9 if name == "event_phase" else 1e-11
@@ -123,15 +123,18 @@ def test_the_reported_period_matches_the_settled_motion(damping):
     changes from one period to the next, but by less over two periods. The period 2 would be wrong.
     """
     pair = GearPair.from_geometry(own(), torque=85.0, damping_ratio=damping)
-    span = {"periods": 115, "record_periods": 23}
+    run_options = {"periods": 115, "record_periods": 23}
     tunings = [0.66, *np.linspace(0.5, 1.4, 31)]
     # The engine of this model computes each of the 20,000 mesh periods.
     one_degree_pair = OneDegreePair(pair=pair)
     long_run = {"periods": 20_000, "record_periods": 23}
     expected = [int(simulate(one_degree_pair, nu, **long_run).period) for nu in tunings]
-    runs = [simulate(pair, nu, samples_per_period=1, until_settled=True, **span) for nu in tunings]
+    runs = [
+        simulate(pair, nu, samples_per_period=1, until_settled=True, **run_options)
+        for nu in tunings
+    ]
     periods_of_runs = np.array([int(run.period) for run in runs])
-    for periods in (periods_of_runs, sweep(pair, tunings, **span).period.values):
+    for periods in (periods_of_runs, sweep(pair, tunings, **run_options).period.values):
         assert ((periods == expected) | (periods == 0)).all()
     # Runs with `until_settled` may continue beyond 115 periods.
     assert (periods_of_runs > 0).mean() > 0.95

@@ -232,7 +232,7 @@ class Propagator(Engine):
                     return self.run_system(z, *arguments, first_period=first_period)
                 if starts_with_modes and is_full and not tables.mode_cost[0]:
                     # Most combinations occur only once or twice, so their modes do not pay off.
-                    tables.mode_cost[0] = mode_cost_in_steps(n, fewest=0)
+                    tables.mode_cost[0] = mode_cost_in_steps(n, min_components=0)
                 else:
                     add_modes(tables, system, self.frame, run.force_indices)
             elif status == SEGMENTS_MISSING:
