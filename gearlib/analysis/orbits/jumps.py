@@ -354,7 +354,7 @@ class _ResonanceSearch:
         return fold, points
 
     def _stable_fold(self, fold: BranchPoint | None) -> np.ndarray | None:
-        """Return the scaled unknowns of a fold, or None for None, and check stability up to the fold.
+        """Return the scaled unknowns of a fold, or None, and check stability up to the fold.
 
         Raise ContinuationFailed if the motion becomes unstable before the fold: then a Floquet
         multiplier other than the one at 1 lies outside the unit circle. With one degree of freedom
