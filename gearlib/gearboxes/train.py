@@ -269,9 +269,9 @@ class _TrainBuilder:
     def _set_support(self, node: _Node, part: Component) -> None:
         """Set the stiffness with which bearings support a node perpendicular to the shaft axis.
 
-        `part` is the component of the shaft. If all its bearings are elastic, it is the sum of the
-        stiffnesses at the node, which may be 0; if one of them is rigid, it is infinite. Without
-        bearings it remains None.
+        `part` is the component of the shaft. The support stiffness is the sum of the bearing
+        stiffnesses at the node, which may be 0, if all bearings of the shaft are elastic; infinity
+        if a bearing is rigid; and None if the shaft has no bearings.
         """
         all_bearings = _select_bearings(part, self.gearbox.bearings)
         elastic_bearings = _select_bearings(part, self.elastic_bearings)

@@ -382,7 +382,7 @@ def _read_csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
     """Read two columns of a CSV file with a header, as tuples of numbers.
 
     `names` are the names of the columns with phase and stiffness. The column separator and the
-    decimal sign, a point or a comma, are detected. If a line cannot be read, ValueError with the
+    decimal mark, a point or a comma, are detected. If a line cannot be read, ValueError with the
     line number is raised.
     """
     table = []  # (line number, cells) of each nonempty line
@@ -401,8 +401,8 @@ def _read_csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
     header = table.pop(0)[1] if table else []
     indices = _column_indices(header, names)
     columns: tuple[list, list] = [], []
-    # If the decimal sign is "", the first number with a point or a comma determines it.
-    decimal_sign = "." if separator == "," else ""
+    # If the decimal mark is "", the first number with a point or a comma determines it.
+    decimal_mark = "." if separator == "," else ""
     for line_number, cells in table:
         if len(cells) < len(header) or any(cells[len(header) :]):
             allowed = f"{len(header)}, one for each column"
@@ -412,14 +412,14 @@ def _read_csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
             raise checks.InputError(name, len(cells), allowed)
         for name, i, column in zip(names, indices, columns, strict=True):
             cell = cells[i]
-            decimal_sign = decimal_sign or next((sign for sign in cell if sign in ",."), "")
+            decimal_mark = decimal_mark or next((mark for mark in cell if mark in ",."), "")
             try:
                 # A file with both signs is rejected, because one could be a thousands separator.
-                if decimal_sign == "," and "." in cell:
+                if decimal_mark == "," and "." in cell:
                     raise ValueError
-                column.append(float(cell.replace(decimal_sign or ".", ".")))
+                column.append(float(cell.replace(decimal_mark or ".", ".")))
             except ValueError:
-                allowed = f"a number with the decimal sign {decimal_sign or '.'!r}"
+                allowed = f"a number with the decimal mark {decimal_mark or '.'!r}"
                 raise checks.InputError(f"line {line_number}: {name}", cell, allowed) from None
     return [*map(tuple, columns)]
 

@@ -130,7 +130,7 @@ class Path:
                 entries.append((segment.phase + mesh_period * start, index, None))
         entries += [(arb(phase), None, contact[:3]) for phase, *contact in events]
         if len(entries) >= MAX_ARCS:
-            # There is no separate status for too many arcs.
+            # Too many arcs are reported like coinciding events, for lack of a status of their own.
             message = f"{len(entries)} arcs are too many: there must be fewer than {MAX_ARCS}"
             raise ProofFailed(COINCIDENT, message)
         # The sort is stable for events with equal phases as floats.

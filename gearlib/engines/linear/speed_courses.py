@@ -363,9 +363,10 @@ class _CourseRunMixin:
     def _set_segments(self, intervals, lengths, sample_starts) -> None:
         """Set `system` and `constants` for the p stiffness segments of `PieceIntervals`.
 
-        `lengths`, shape (p,), has the durations of the segments in theta. `sample_starts`, (k +
-        1,), has the index of the first sample of each of the k intervals (mesh periods), followed
-        by the number of samples.
+        `lengths`, shape (p,), are the durations of the segments in units of the dimensionless time
+        theta. `sample_starts`, shape (k + 1,), has the index of the first sample of each of the k
+        mesh periods, followed by the number of samples. At variable speed, each harmonic of the
+        excitation is a chirp, whose frequency is a multiple of the speed.
         """
         system, starts = self.loaded_system, np.concatenate([[0.0], np.cumsum(lengths)])
         tables = {

@@ -26,9 +26,9 @@ _MAX_DERIVATIVES = 10
 
 
 def _signs(distance_rows, z):
-    """Return the signs of ``distance_rows @ z``, shape (m,), with 0.0 for values below rounding.
+    """Return the signs of ``distance_rows @ z``, shape (m,), and 0.0 where a product is within rounding error.
 
-    The sum of the magnitudes of the terms scales the rounding error.
+    `z`, shape (n,), is the state. The sum of the magnitudes of the terms scales the rounding error.
     """
     terms = distance_rows * z
     values, magnitudes = terms.sum(axis=1), np.abs(terms).sum(axis=1)

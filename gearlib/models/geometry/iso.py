@@ -153,13 +153,13 @@ def iso_rectangle(stage: "GearStage", **options: float | None) -> tuple[float, f
     low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75
     if not stage.overlap_ratio:
         return low + step, low / (low + step), 1.0 + segment
-    # The face spans an integer number of mesh periods and a remainder. The stiffness has its
-    # extrema when the part of the remainder in the segment with more pairs has its extrema.
+    # The face spans an integer number of mesh periods and a remainder. The stiffness is largest
+    # when as much as possible of the remainder has one more pair in contact, and vice versa.
     periods = math.floor(stage.overlap_ratio)
     remainder = stage.overlap_ratio - periods
-    max_part, min_part = min(remainder, segment), max(remainder - (1.0 - segment), 0.0)
-    max_fraction = (periods * segment + max_part) / stage.overlap_ratio
-    min_fraction = (periods * segment + min_part) / stage.overlap_ratio
+    max_overlap, min_overlap = min(remainder, segment), max(remainder - (1.0 - segment), 0.0)
+    max_fraction = (periods * segment + max_overlap) / stage.overlap_ratio
+    min_fraction = (periods * segment + min_overlap) / stage.overlap_ratio
     high, low = low + step * max_fraction, low + step * min_fraction
     if 1.0 - low / high < 1e-12:
         # For an integer overlap ratio, the stiffness is constant; epsilon is then arbitrary.
