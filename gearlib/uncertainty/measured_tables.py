@@ -96,7 +96,7 @@ def _missing_error(name: str, description: Any, names: list, hint: str = "") -> 
 def _parse_rows(rows: str, description: Any, dtypes: dict, column_count: int) -> Any:
     """Parse the rows of a CSV file into a pandas data frame whose column names are indices.
 
-    `rows` is the content without the header, and `description` has its separator, decimal sign and
+    `rows` is the content without the header, and `description` has its separator, decimal mark and
     comment sign. `dtypes` maps indices of the columns to read to their types. An additional column,
     with the index `column_count`, has the surplus cells of rows that are too long.
     """
@@ -165,14 +165,14 @@ def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) 
     """Return the ValueError for the first cell of a CSV file that should be a number but is not.
 
     `rows` is the content without the header, and `description` the content of the YAML file, with
-    separator and decimal sign. `dtypes` maps indices of the columns that are read to their types,
+    separator and decimal mark. `dtypes` maps indices of the columns that are read to their types,
     and `names` are the names of all columns. The cells are read again as strings to find the wrong
     one.
     """
     import pandas as pd
 
     number_columns = [i for i, dtype in dtypes.items() if dtype is float]
-    # A cell with the other decimal sign is not a number.
+    # A cell with the other decimal mark is not a number.
     other_sign = "." if description.decimal == "," else ","
     try:
         frame = _parse_rows(rows, description, dict.fromkeys(number_columns, str), len(names))
@@ -187,7 +187,7 @@ def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) 
         if is_invalid.any():
             row = int(is_invalid.argmax())
             cell = f"{description.data}, column {names[i]!r}, row {row + 1}"
-            allowed = f"a number, with the decimal sign {description.decimal!r} of the key decimal"
+            allowed = f"a number, with the decimal mark {description.decimal!r} of the key decimal"
             return checks.InputError(cell, frame[i].iloc[row], allowed)
     return checks.InputError("data", description.data, "a table of numbers")
 

@@ -157,7 +157,7 @@ UNREADABLE_TABLES = {
     "line 3: stiffness = 'x' ... a number": ["0,1", "2,x"],
     "number of cells in line 3 = 1 ... 2": ["0,1", "2"],
     "number of cells in line 3 = 3 ... 2, ... semicolons": ["0,1", "1,5,2", "4,3"],
-    "line 3: phase = '2.5' ... decimal sign ','": ["0;1,5", "2.5;3", "4;2"],
+    "line 3: phase = '2.5' ... decimal mark ','": ["0;1,5", "2.5;3", "4;2"],
     "phase = 0.0 ... 0 to 2 pi rad": [
         f"{i / 16}{row[row.index(',') :]}" for i, row in enumerate(FULL_PERIOD_ROWS)
     ],

@@ -26,9 +26,9 @@ _MAX_DERIVATIVES = 10
 
 
 def _signs(distance_rows, z):
-    """Return the signs of ``distance_rows @ z``, shape (m,), and 0.0 where a product is within rounding error.
+    """Return the sign of each entry of ``distance_rows @ z``, 0.0 if it is within rounding error.
 
-    `z`, shape (n,), is the state. The sum of the magnitudes of the terms scales the rounding error.
+    `z`, shape (n,), is a state. The sum of the magnitudes of the terms scales the rounding error.
     """
     terms = distance_rows * z
     values, magnitudes = terms.sum(axis=1), np.abs(terms).sum(axis=1)
