@@ -184,7 +184,7 @@ def test_a_wrong_candidate_is_refused(change, status):
 
 def test_an_orbit_with_a_smaller_period_is_refused():
     refused = gearlib.certify(replace(bouncing_orbit(), period=3, pattern=(0, *(1, 0) * 3)))
-    assert refused.status == "period" and "after 1 mesh period already" in refused.message
+    assert refused.status == "period" and "already repeat after 1 mesh period" in refused.message
 
 
 def test_an_orbit_that_touches_a_flank_line_is_refused():

@@ -26,7 +26,7 @@ def test_a_proven_range_ends_at_a_grazing_a_fold_or_a_tongue_edge(
     """The proof must reach each special point, and hold at single tunings below it."""
     orbit = gearlib.periodic_orbit(pair, start, guess=guess)
     refused = gearlib.certify_range(orbit, to=to)
-    proven_to = float(re.search(r"to ([\d.]+) it is proven", refused.message).group(1))
+    proven_to = float(re.search(r"to ([\d.]+); beyond it", refused.message).group(1))
     # The last piece is a billionth of the range; near a fold the orbit changes like a root.
     assert refused.status == status and special_tuning - 2e-7 < proven_to < special_tuning + 1e-9
     proven = gearlib.certify_range(orbit, to=special_tuning - 1e-5)

@@ -35,7 +35,7 @@ def test_slow_harmonics_are_kept_in_models_with_rigid_body_motion():
     train, tuning, _ = random_trains.jamming_problem(np.random.default_rng(107))
     train = train.replace(meshes=[replace(mesh, friction=(0.0, 0.0)) for mesh in train.meshes])
     propagator = train.propagator(tuning)
-    basis = propagator.frame.basis_of(propagator.system, np.array([0, 1, 1, 1, 1]))
+    basis = propagator.frame.find_basis(propagator.system, np.array([0, 1, 1, 1, 1]))
     eigenvalues = np.concatenate([basis.rates, np.linalg.eigvals(basis.block)])
     for frequency in tuning * train.excitation[0]:
         assert np.abs(eigenvalues - 1j * frequency).min() < 1e-9
