@@ -11,9 +11,9 @@ from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.polynomial import WORKSPACE_ROWS, bernstein_matrix
 from gearlib.engines.taylor import perturbations, propagator, series, teeth
 from gearlib.engines.taylor.series import DISPLACEMENT, MESH_FORCE, ORDER, VELOCITY
-from tests.properties.known_models import KNOWN
+from tests.properties.known_models import MOTION_CASES
 
-MODELS = {name: KNOWN[name].model for name in ("everything", "powers", "unequal sides")}
+MODELS = {name: MOTION_CASES[name].model for name in ("everything", "powers", "unequal sides")}
 MESH_CONSTANTS = {name: model.equation.nonlinear_mesh(0.7, 1e-15) for name, model in MODELS.items()}
 CASES = list(product(MODELS, (DRIVE, NO_CONTACT, COAST), (1.0, -1.0)))
 #: Mesh phase at the start of a step, its segment of the stiffness, and a step of tooth pairs.

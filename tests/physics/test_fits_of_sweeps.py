@@ -10,7 +10,7 @@ import gearlib
 from gearlib.uncertainty.observation import resonance_speeds
 from gearlib.uncertainty.observations import make_observations
 from tests.paper import PAPER_PAIR
-from tests.properties.known_models import gears
+from tests.properties.known_models import gears_on_bearings
 
 TRUE_PAIR = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 PARAMETER_BOUNDS = {
@@ -121,7 +121,7 @@ def test_jumps_and_onset_of_gears_on_rigid_bearings_match_their_pair():
     With rigid bearings, both have the same single degree of freedom.
     """
     # The model with bearings finds jumps by sweeps and branches in all its coordinates.
-    model = gears(math.inf, 3953.7, 3953.7)
+    model = gears_on_bearings(math.inf, 3953.7, 3953.7)
     tunings = {"jump_down": 0.7, "jump_up": 0.82, "onset_of_contact_loss": 0.8}
     measured = {name: float(model.speed(tuning)) for name, tuning in tunings.items()}
     speeds = resonance_speeds(model, measured)

@@ -11,7 +11,7 @@ from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.uncertainty.designs import ABSENT, FOUND, LOST, QUANTITIES, DesignQuantities
 from gearlib.uncertainty.scatter import sobol_indices
 from tests.paper import PAPER_PAIR
-from tests.properties.known_models import gears
+from tests.properties.known_models import gears_on_bearings
 
 NOMINAL_PAIR = PAPER_PAIR.replace(material_damping=4.5e3, backlash_damping=300.0)
 QUANTITY_NAMES = tuple(
@@ -122,7 +122,7 @@ def test_quantities_at_the_duty_point_match_duty_point(nominal_search):
 
 def test_jump_and_onset_of_a_six_degree_model_match_its_branch():
     """Onset and upward jump must lie at the first grazing and the first fold of the branch."""
-    model = gears(5e8, material=4.5e3, oil=300.0)
+    model = gears_on_bearings(5e8, material_damping=4.5e3, backlash_damping=300.0)
     names = ("onset_of_contact_loss", *JUMP_NAMES)
     values, codes = DesignQuantities(model, names).evaluate(model)
     low, high = (float(model.tuning_at(rpm)) for rpm in (3900.0, 4200.0))

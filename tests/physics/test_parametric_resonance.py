@@ -12,7 +12,7 @@ from gearlib import Fourier, GearPair, OneDegreePair, Tabulated, tongues
 from gearlib.analysis.tongues import meissner
 from gearlib.analysis.tongues.search import find_tongues
 from tests.independent.systems import describe, move
-from tests.properties.known_models import EVERYTHING, gears
+from tests.properties.known_models import ALL_EXCITATIONS, gears_on_bearings
 from tests.references import contact_map
 
 PAPER_RATIOS = (1.569, 0.5879)
@@ -185,7 +185,7 @@ def test_tongues_of_a_table_have_multiplier_minus_one_at_edges_and_close_with_da
 
 def test_tongues_on_rigid_bearings_match_the_one_degree_model():
     """Tongues of gears on rigid bearings must equal the tongues of the pair."""
-    six_degree_pair = gears(bearing=math.inf, material=80.0)
+    six_degree_pair = gears_on_bearings(bearing_stiffness=math.inf, material_damping=80.0)
     six_degree_tongues = tongues(six_degree_pair, start=0.45, stop=1.2, step=0.01)
     pair_tongues = tongues(six_degree_pair.pair, start=0.45, stop=1.2)
     # Closed tongues have no edges.
@@ -206,7 +206,7 @@ def test_tongues_on_rigid_bearings_match_the_one_degree_model():
 
 def test_soft_bearings_cause_combination_resonance():
     """Soft bearings must cause a tongue with complex multipliers, a combination resonance."""
-    model = gears(bearing=1e8, **EVERYTHING)
+    model = gears_on_bearings(bearing_stiffness=1e8, **ALL_EXCITATIONS)
     result = tongues(model, start=1.3, stop=1.45, step=0.005)
     # The value 0 marks edges with complex multipliers.
     (index,) = np.nonzero(result.edge_multiplier.values == 0)[0]

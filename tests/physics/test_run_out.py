@@ -7,15 +7,17 @@ import pytest
 
 from gearlib import periodic_orbit, simulate, sweep, trust
 from gearlib.engines import orbit
-from tests.properties.known_models import EVERYTHING, gears
+from tests.properties.known_models import ALL_EXCITATIONS, gears_on_bearings
 
 UNEQUAL_TEETH = (24, 31)
 
 
 def damped_gears(teeth):
     """Return damped gears with run-out, friction and deviations on soft bearings."""
-    options = EVERYTHING | {"teeth": teeth}
-    return gears(3e7, 3953.7, 3953.7, free=True, share=0.2, **options)
+    options = ALL_EXCITATIONS | {"teeth": teeth}
+    return gears_on_bearings(
+        3e7, 3953.7, 3953.7, translating=True, bearing_damping_ratio=0.2, **options
+    )
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from gearlib.analysis.orbits.special_points import GRAZING
 from tests.independent import differences
 from tests.independent.systems import describe
 from tests.properties import known_models as models
-from tests.properties.known_models import DAMPED, OTHER, Known
+from tests.properties.known_models import DAMPED, PAIR_ON_BOTH_FLANKS, MotionCase
 from tests.references import StoredReferences
 
 REFERENCES = StoredReferences("sensitivities")
@@ -28,18 +28,24 @@ FOURIER_PAIR = gearlib.OneDegreePair(
 )
 #: A motion of each kind of model, with the parameters for which derivatives are compared.
 CASES = {
-    "pair": (Known(DAMPED, 0.9, (0.5, -3.0), 12), PAIR_PARAMETERS),
-    "undamped": (Known(UNDAMPED, 0.9, (0.3, -2.0), 3), PAIR_PARAMETERS),
-    "no backlash": (Known(DAMPED.replace(backlash=0.0), 0.8, (0.3, -2.0), 3), ("load", "tuning")),
-    "oscillator": (Known(models.OSCILLATOR, 0.8, (0.3, -1.0), 3), ("upper_stiffness", "damping")),
-    "series": (Known(FOURIER_PAIR, 0.8, (1.0, -5.0), 2), ("cubic_damping", "stiffness_ratio")),
-    "deviating": (models.KNOWN["deviating"], ("load", "contact_ratio")),
+    "pair": (MotionCase(DAMPED, 0.9, (0.5, -3.0), 12), PAIR_PARAMETERS),
+    "undamped": (MotionCase(UNDAMPED, 0.9, (0.3, -2.0), 3), PAIR_PARAMETERS),
+    "no backlash": (
+        MotionCase(DAMPED.replace(backlash=0.0), 0.8, (0.3, -2.0), 3),
+        ("load", "tuning"),
+    ),
+    "oscillator": (
+        MotionCase(models.OSCILLATOR, 0.8, (0.3, -1.0), 3),
+        ("upper_stiffness", "damping"),
+    ),
+    "series": (MotionCase(FOURIER_PAIR, 0.8, (1.0, -5.0), 2), ("cubic_damping", "stiffness_ratio")),
+    "deviating": (models.MOTION_CASES["deviating"], ("load", "contact_ratio")),
     "unequal gears": (
-        Known(models.GEARS, 0.9, (0.3, -5.0), 2),
+        MotionCase(models.GEARS, 0.9, (0.3, -5.0), 2),
         ("inertias[0]", "bearing_stiffness[1]"),
     ),
     "chain": (
-        Known(models.CHAIN, 0.7, models.STRIKING, 1),
+        MotionCase(models.CHAIN, 0.7, models.STRIKING, 1),
         ("mass of body idler", "contact_ratio of mesh idler-wheel", "tuning"),
     ),
 }
@@ -83,10 +89,10 @@ def test_derivatives_of_an_orbit_and_its_multipliers_match_50_digits():
         return np.concatenate([result.state, result.multipliers.real, result.multipliers.imag])
 
     parameters, tuning, period = ("backlash", "material_damping"), 0.88, 1
-    result = sensitivities(compute_orbit, OTHER, parameters, tuning=tuning)
+    result = sensitivities(compute_orbit, PAIR_ON_BOTH_FLANKS, parameters, tuning=tuning)
     # The reference starts its search from a rounded state.
-    guess = tuple(compute_orbit(OTHER, tuning)[:2].round(6).tolist())
-    arguments = describe(OTHER), tuning, period, guess, list(parameters)
+    guess = tuple(compute_orbit(PAIR_ON_BOTH_FLANKS, tuning)[:2].round(6).tolist())
+    arguments = describe(PAIR_ON_BOTH_FLANKS), tuning, period, guess, list(parameters)
     reference_rows = REFERENCES.rows(differences.of_orbit, *arguments)
     for parameter, row in zip(parameters, reference_rows, strict=True):
         expected = np.array(row, float)

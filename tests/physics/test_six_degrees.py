@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.properties.known_models import gears
+from tests.properties.known_models import gears_on_bearings
 
 #: Largest number of events in a mesh period.
 MAX_EVENTS = 2000
@@ -33,7 +33,7 @@ def test_the_coast_flank_is_grazed_without_chatter(contact_damping, free_flight_
     Damping in free flight that is far larger than in contact drives the flanks together. Initial
     speeds that differ by 1e-6 must lead to nearly equal final states.
     """
-    model = gears(1e9, contact_damping, free_flight_damping, backlash=200e-6)
+    model = gears_on_bearings(1e9, contact_damping, free_flight_damping, backlash=200e-6)
     propagator, final_states = model.propagator(0.9), []
     for speed in (0.0, -1e-6, 1e-6):
         state = state_on_coast_flank(model, speed)

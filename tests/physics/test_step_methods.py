@@ -11,13 +11,13 @@ import gearlib
 from gearlib import GearPair, OneDegreePair, integrators, simulate
 from gearlib.data.status import NOT_CONVERGED, OVERFLOW
 from tests.paper import PAPER_PAIR
-from tests.properties.known_models import CUBIC, KNOWN
+from tests.properties.known_models import CUBIC, MOTION_CASES
 
 DAMPED_PAIR = PAPER_PAIR.replace(
     contact_ratio=1.5, material_damping=3953.7, backlash_damping=3953.7
 )
 PAIR_DAMPED_IN_CONTACT = DAMPED_PAIR.replace(contact_ratio=1.569, backlash_damping=0.0)
-NONLINEAR_PAIR = KNOWN["everything"].model.replace(cubic_stiffness=2e9, **CUBIC)
+NONLINEAR_PAIR = MOTION_CASES["everything"].model.replace(cubic_stiffness=2e9, **CUBIC)
 #: A pair without backlash and damping, all of whose motions grow in the middle of a tongue.
 UNSTABLE_PAIR = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.3, backlash_ratio=0.0)
 SCIPY_WITH_EVENTS = {"solver": "DOP853", "rtol": 1e-12, "atol": 1e-12, "events": True}

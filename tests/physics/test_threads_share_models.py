@@ -6,11 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from tests.properties.known_models import KNOWN
+from tests.properties.known_models import MOTION_CASES
 
 THREAD_COUNT, PERIODS = 8, 30
 #: The model "free bearings" starts far from its equilibrium, so that its modal bases are refined.
-MODELS = [KNOWN[name].model for name in ("unequal sides", "free bearings", "idler that deviates")]
+MODELS = [
+    MOTION_CASES[name].model for name in ("unequal sides", "free bearings", "idler that deviates")
+]
 
 
 @pytest.fixture(autouse=True)

@@ -17,7 +17,7 @@ from gearlib.analysis.proofs.signs import check_contacts
 from tests.independent.certificates import Motion
 from tests.paper import PAPER_PAIR
 from tests.proofs.claims import assert_wrong_candidates_are_refused, claim_of
-from tests.properties.known_models import EVERYTHING, gears
+from tests.properties.known_models import ALL_EXCITATIONS, gears_on_bearings
 
 LIGHT = PAPER_PAIR.replace(material_damping=1500.0)
 GEAR = {"teeth": 18, "base_radius": 0.036, "inertia": 4e-3}
@@ -62,7 +62,9 @@ def branches():
 
 
 #: Gears whose coast sides move with the bearings and come into contact.
-BEARINGS = gears(1e9, 600.0, 300.0, backlash=12e-6, **EVERYTHING | {"teeth": (1, 1)})
+BEARINGS = gears_on_bearings(
+    1e9, 600.0, 300.0, backlash=12e-6, **ALL_EXCITATIONS | {"teeth": (1, 1)}
+)
 #: Model, tuning, number of contact events and stability of each orbit.
 CASES = {
     "idler": (gearlib.idler(LIGHT), 0.6, 4, "stable"),

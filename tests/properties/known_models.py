@@ -1,4 +1,4 @@
-"""Models of every kind with a motion each: through all contacts, laws and excitations."""
+"""Models of every kind, each with a motion that tests compare with a reference."""
 
 import math
 from dataclasses import replace
@@ -27,8 +27,8 @@ from tests.physics import published
 from tests.trains.random_trains import chain_with_everything
 
 
-class Known(NamedTuple):
-    """A motion over some periods of a model at a tuning, from a state in units of the library."""
+class MotionCase(NamedTuple):
+    """A model, its tuning, the dimensionless initial state and the number of mesh periods."""
 
     model: object
     tuning: float
@@ -36,18 +36,19 @@ class Known(NamedTuple):
     periods: int = 5
 
 
-RADIUS, BODY = 0.1, 17.27
+#: Base radius (m) and mass (kg) of the equal gears on bearings, and the paper's reduced mass (kg).
+BASE_RADIUS, GEAR_MASS, REDUCED_MASS = 0.1, 17.27, 3.123
 LINEAR = PAPER_PAIR.replace(material_damping=1000.0, backlash_damping=300.0)
 DAMPED = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=500.0)
 UNDAMPED = LINEAR.replace(material_damping=0.0, backlash_damping=0.0)
 #: A pair with an orbit on both flanks at the tuning 0.88, and an unstable one at 0.851.
-OTHER = GearPair.from_ratios(
+PAIR_ON_BOTH_FLANKS = GearPair.from_ratios(
     contact_ratio=1.3, stiffness_ratio=0.7, damping=0.03, backlash_damping=0.01, backlash_ratio=0.8
 )
 QUADRATIC = {"quadratic_damping": 3e4, "backlash_quadratic_damping": 2e4}
 CUBIC = {"cubic_damping": 4e5, "backlash_cubic_damping": 2e5}
 TABLE = Tabulated((0.1, 1.0, 2.5, 4.0, 5.5), (4e8, 3.1e8, 2.4e8, 2.6e8, 3.7e8))
-EVERYTHING = {
+ALL_EXCITATIONS = {
     "friction": (0.06, 0.04),
     "pitch_phase": 0.7,
     "eccentricities": (8e-6, 5e-6),
@@ -84,28 +85,39 @@ OSCILLATOR = DeadZoneOscillator(
 )
 
 
-def gears(bearing, material=0.0, oil=0.0, free=False, share=0.02, **more):
-    """Return equal gears on bearings, with the paper's reduced mass.
+def gears_on_bearings(
+    bearing_stiffness,
+    material_damping=0.0,
+    backlash_damping=0.0,
+    translating=False,
+    bearing_damping_ratio=0.02,
+    backlash=40e-6,
+    **fields,
+):
+    """Return a `SixDegreePair` of equal gears on equal bearings, with the paper's reduced mass.
 
-    `bearing` is the stiffness of the bearings and `share` their damping ratio. `material` and `oil`
-    are damping coefficients in contact and in free flight. The paper's reduced mass applies to the
-    rotations alone or, if `free`, to gears that also move freely along the line of action. `more`
-    holds further fields of the model.
+    If `translating`, the reduced mass includes the translation along the line of action, else only
+    the rotation. `fields` are further fields of the model.
     """
-    torsional = 1.0 / (1.0 / 3.123 - 2.0 / BODY) if free else 3.123
-    damping = 0.0 if math.isinf(bearing) else 2.0 * share * math.sqrt(bearing * BODY)
-    inertia = 2.0 * torsional * RADIUS**2
+    rotational_mass = REDUCED_MASS
+    if translating:
+        rotational_mass = 1.0 / (1.0 / REDUCED_MASS - 2.0 / GEAR_MASS)
+    critical_damping = 2.0 * math.sqrt(bearing_stiffness * GEAR_MASS)
+    bearing_damping = bearing_damping_ratio * critical_damping
+    if math.isinf(bearing_stiffness):
+        bearing_damping = 0.0
+    inertia = 2.0 * rotational_mass * BASE_RADIUS**2
     pair = PAPER_PAIR.replace(
-        backlash=more.pop("backlash", 40e-6), material_damping=material, backlash_damping=oil
+        backlash=backlash, material_damping=material_damping, backlash_damping=backlash_damping
     )
     return SixDegreePair(
         pair=pair,
-        base_radii=(RADIUS, RADIUS),
+        base_radii=(BASE_RADIUS, BASE_RADIUS),
         inertias=(inertia, inertia),
-        masses=(BODY, BODY),
-        bearing_stiffness=(bearing,) * 4,
-        bearing_damping=(damping,) * 4,
-        **more,
+        masses=(GEAR_MASS, GEAR_MASS),
+        bearing_stiffness=(bearing_stiffness,) * 4,
+        bearing_damping=(bearing_damping,) * 4,
+        **fields,
     )
 
 
@@ -125,12 +137,13 @@ GEARS = SixDegreePair(
 
 
 def motor_pinion_idler_wheel():
-    """Return a train of six coordinates with a shaft, an elastic bearing and two meshes."""
-    torque = 2000.0 * 0.045
+    """Return a train of a motor, a shaft, a pinion, an idler on elastic bearings and a wheel."""
+    pinion_radius, mesh_force = 0.045, 2000.0  # m, N
+    torque = mesh_force * pinion_radius
     bearing = {"mass": 5.0, "support_stiffness": (5e8, 4e8), "support_damping": (500.0, 700.0)}
     bodies = [
         Body(name="motor", inertia=0.02, base_radius=0.05, torque=torque),
-        Body(name="pinion", inertia=0.002, base_radius=0.045, teeth=24),
+        Body(name="pinion", inertia=0.002, base_radius=pinion_radius, teeth=24),
         Body(name="idler", inertia=0.01, base_radius=0.0675, teeth=36, **bearing),
         Body(name="wheel", inertia=0.03, base_radius=0.09, teeth=48, torque=-2.0 * torque),
     ]
@@ -151,13 +164,13 @@ STRIKING = (-9.58, 16.0, 2.03, -17.32, -0.84, -11.63, -4.41, -3.42, -4.99, 3.87,
 
 
 def pairs_as_train(pair, count=1):
-    """Return a train of `count` equal pairs on rigid axes that do not influence one another."""
+    """Return a train of `count` equal, practically uncoupled gear pairs on rigid axes."""
     names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
     names += ("material_damping", "backlash_damping")
     mesh = {name: getattr(pair, name) for name in names} | {"phase": 0.0}
-    gear = {"teeth": 20, "base_radius": RADIUS, "torque": pair.load * RADIUS}
-    gear["inertia"] = 2.0 * pair.reduced_mass * RADIUS**2
-    # A train must be connected, here by shafts of negligible stiffness.
+    gear = {"teeth": 20, "base_radius": BASE_RADIUS, "torque": pair.load * BASE_RADIUS}
+    gear["inertia"] = 2.0 * pair.reduced_mass * BASE_RADIUS**2
+    # A train must be connected, so that shafts of negligible stiffness join the pairs.
     negligible = {"stiffness": 1e-200}
     return GearTrain(
         bodies=[
@@ -186,16 +199,16 @@ def ring_driven_train():
     return train.replace(bodies=bodies, meshes=[replace(m, **flank) for m in train.meshes])
 
 
-def _wavy_idler():
-    """Return an idler train whose meshes have a sinusoidal deviation."""
+def _idler_with_deviations():
+    """Return an idler train in which each mesh has a deviation of one cosine of 1 µm."""
     train = gearlib.idler(PAPER_PAIR.replace(material_damping=3000.0))
     wave = Harmonics((1e-6,), ())
     return train.replace(meshes=[replace(mesh, deviation=wave) for mesh in train.meshes])
 
 
-def _one_degree(pair=LINEAR, **more):
-    """Return a `OneDegreePair` of a pair and further fields."""
-    return OneDegreePair(pair=pair, **more)
+def _one_degree_pair(pair=LINEAR, **fields):
+    """Return the `OneDegreePair` with a gear pair and further fields."""
+    return OneDegreePair(pair=pair, **fields)
 
 
 _NARROW, _SERIES = LINEAR.replace(backlash=12e-6), Series(1.4, Harmonics((0.4,), (0.2, -0.1)))
@@ -205,57 +218,82 @@ _BOUNCING = {"stiffness_ratio": (0.7, 0.7), "reference_frequency": 1475.7}
 _RIGID_PINS = {"support_stiffness": (1e8, 1e8, 1e8, math.inf), "backlash": 5e-6}
 _RIGID_PINS["stiffness_ratio"] = (0.6, 0.6)
 _TURNING = {"turning": True, "gyroscopic": True, "stiffness_ratio": (0.7, 0.7)}
-KNOWN = {
-    "pair": Known(DAMPED, 0.9, (1.0, -3.0)),
-    "pair without damping": Known(UNDAMPED, 0.82, (0.0, 0.0)),
-    "pair on both flanks": Known(OTHER, 0.88, (0.3, -2.0)),
-    "pair without backlash": Known(DAMPED.replace(backlash=0.0), 0.8, (0.5, -2.0)),
-    "pair without coast-side flank": Known(DAMPED.replace(backlash=math.inf), 0.8, (0.5, -2.0)),
-    "quadratic damping": Known(_one_degree(UNDAMPED, **QUADRATIC), 0.9, (1.0, -3.0)),
-    "cubic damping": Known(_one_degree(UNDAMPED, **CUBIC), 0.9, (0.0, 0.0)),
-    "both dampings": Known(_one_degree(**QUADRATIC, **CUBIC), 0.6, (1.0, -3.0)),
-    "powers": Known(_one_degree(quadratic_stiffness=5e3, cubic_stiffness=2e9), 0.85, (1.0, -3.0)),
-    "one harmonic": Known(_one_degree(profile=Fourier(1)), 0.8, (1.0, -3.0)),
-    "seven harmonics": Known(_one_degree(profile=Fourier(7), **CUBIC), 0.5, (1.0, -3.0)),
-    "table": Known(_one_degree(profile=TABLE), 0.8, (1.0, -3.0)),
-    "excited": Known(
-        _one_degree(excitation=Harmonics((500.0, 200.0), (-800.0,))), 0.8, (1.0, -3.0)
+MOTION_CASES = {
+    "pair": MotionCase(DAMPED, 0.9, (1.0, -3.0)),
+    "pair without damping": MotionCase(UNDAMPED, 0.82, (0.0, 0.0)),
+    "pair on both flanks": MotionCase(PAIR_ON_BOTH_FLANKS, 0.88, (0.3, -2.0)),
+    "pair without backlash": MotionCase(DAMPED.replace(backlash=0.0), 0.8, (0.5, -2.0)),
+    "pair without coast-side flank": MotionCase(
+        DAMPED.replace(backlash=math.inf), 0.8, (0.5, -2.0)
     ),
-    "deviating": Known(_one_degree(deviation=Harmonics((3e-6,), (1e-6, 1e-6))), 0.7, (1.0, -3.0)),
-    "everything": Known(
-        _one_degree(_NARROW, profile=TABLE, **QUADRATIC, **_WAVES), 0.6, (1.0, -3.0)
+    "quadratic damping": MotionCase(_one_degree_pair(UNDAMPED, **QUADRATIC), 0.9, (1.0, -3.0)),
+    "cubic damping": MotionCase(_one_degree_pair(UNDAMPED, **CUBIC), 0.9, (0.0, 0.0)),
+    "both dampings": MotionCase(_one_degree_pair(**QUADRATIC, **CUBIC), 0.6, (1.0, -3.0)),
+    "powers": MotionCase(
+        _one_degree_pair(quadratic_stiffness=5e3, cubic_stiffness=2e9), 0.85, (1.0, -3.0)
     ),
-    "oscillator": Known(OSCILLATOR, 0.8, (0.3, -1.0)),
-    "unequal sides": Known(UNEQUAL, 1.3, (0.2, 0.9)),
-    "series": Known(OSCILLATOR.replace(upper_stiffness=_SERIES), 0.8, (0.3, -1.0)),
-    **{name: Known(*problem, (0.2, 0.9)) for name, problem in published.PROBLEMS.items()},
-    "soft bearings": Known(gears(3e7, free=True), 0.66, (0.0, 0.0), 8),
-    "rigid bearings": Known(gears(math.inf, 3953.7, 500.0), 0.8, (1.0, -4.0)),
-    "free bearings": Known(gears(3e7, 3953.7, 500.0, free=True, **EVERYTHING), 0.9, (0.0, 0.0), 8),
-    "narrow backlash": Known(
-        gears(1e8, 3953.7, 3953.7, **EVERYTHING, backlash=12e-6), 0.55, (1.0, -2.5), 8
+    "one harmonic": MotionCase(_one_degree_pair(profile=Fourier(1)), 0.8, (1.0, -3.0)),
+    "seven harmonics": MotionCase(_one_degree_pair(profile=Fourier(7), **CUBIC), 0.5, (1.0, -3.0)),
+    "table": MotionCase(_one_degree_pair(profile=TABLE), 0.8, (1.0, -3.0)),
+    "excited": MotionCase(
+        _one_degree_pair(excitation=Harmonics((500.0, 200.0), (-800.0,))), 0.8, (1.0, -3.0)
     ),
-    "stiff bearings": Known(gears(1e9, 1000.0, 0.0, **EVERYTHING), 0.8, (0.5, 1.0), 8),
-    "no preload": Known(gears(1e8, 3953.7, 500.0, preload=False), 0.8, (0.0, 0.0), 8),
-    "coast-side flank at rest": Known(
-        gears(1e8, 100.0, 0.0, **EVERYTHING, moving_backlash=False), 0.6, (1.0, -4.5), 8
+    "deviating": MotionCase(
+        _one_degree_pair(deviation=Harmonics((3e-6,), (1e-6, 1e-6))), 0.7, (1.0, -3.0)
     ),
-    "coast-side contact": Known(
-        gears(3e9, 1500.0, 300.0, **EVERYTHING, backlash=14e-6), 0.8, (5.0, 0.0), 3
+    "everything": MotionCase(
+        _one_degree_pair(_NARROW, profile=TABLE, **QUADRATIC, **_WAVES), 0.6, (1.0, -3.0)
     ),
-    "coast-side contact in oil": Known(
-        gears(3e9, 600.0, 1200.0, backlash=14e-6), 0.8, (5.0, 0.0), 3
+    "oscillator": MotionCase(OSCILLATOR, 0.8, (0.3, -1.0)),
+    "unequal sides": MotionCase(UNEQUAL, 1.3, (0.2, 0.9)),
+    "series": MotionCase(OSCILLATOR.replace(upper_stiffness=_SERIES), 0.8, (0.3, -1.0)),
+    **{name: MotionCase(*problem, (0.2, 0.9)) for name, problem in published.PROBLEMS.items()},
+    "soft bearings": MotionCase(gears_on_bearings(3e7, translating=True), 0.66, (0.0, 0.0), 8),
+    "rigid bearings": MotionCase(gears_on_bearings(math.inf, 3953.7, 500.0), 0.8, (1.0, -4.0)),
+    "free bearings": MotionCase(
+        gears_on_bearings(3e7, 3953.7, 500.0, translating=True, **ALL_EXCITATIONS),
+        0.9,
+        (0.0, 0.0),
+        8,
     ),
-    "unequal gears": Known(GEARS, 0.9, (0.3, -5.0)),
-    "chain that settles": Known(CHAIN, 0.8, SETTLING, 3),
-    "chain that strikes": Known(CHAIN, 0.7, STRIKING, 2),
-    "pair as a train": Known(pairs_as_train(DAMPED), 0.9, (0.15, 0.15, -3.0, -3.0)),
-    "idler that deviates": Known(_wavy_idler(), 0.9, (0.0,) * 6, 2),
-    **{f"chain with everything {i}": Known(x, 0.9, "static", 6) for i, x in enumerate(_CHAINS)},
-    "ring that drives": Known(ring_driven_train(), 3.0, "static", 4),
-    "bouncing planets": Known(gearlib.planetary(**_BOUNCING), 1.0, "static", 4),
-    "turning planets": Known(gearlib.planetary(**_TURNING, backlash=1e-6), 0.2, "static", 3),
-    "two stages": Known(gearlib.two_stage(PAPER_PAIR), 0.8, "static", 3),
-    "reducer": Known(gearlib.split_power_reducer(PAPER_PAIR, internal=True), 0.95, "static", 3),
-    "rigid pins": Known(gearlib.planetary(**_RIGID_PINS), 1.0, "static", 3),
+    "narrow backlash": MotionCase(
+        gears_on_bearings(1e8, 3953.7, 3953.7, **ALL_EXCITATIONS, backlash=12e-6),
+        0.55,
+        (1.0, -2.5),
+        8,
+    ),
+    "stiff bearings": MotionCase(
+        gears_on_bearings(1e9, 1000.0, 0.0, **ALL_EXCITATIONS), 0.8, (0.5, 1.0), 8
+    ),
+    "no preload": MotionCase(
+        gears_on_bearings(1e8, 3953.7, 500.0, preload=False), 0.8, (0.0, 0.0), 8
+    ),
+    "coast-side flank at rest": MotionCase(
+        gears_on_bearings(1e8, 100.0, 0.0, **ALL_EXCITATIONS, moving_backlash=False),
+        0.6,
+        (1.0, -4.5),
+        8,
+    ),
+    "coast-side contact": MotionCase(
+        gears_on_bearings(3e9, 1500.0, 300.0, **ALL_EXCITATIONS, backlash=14e-6), 0.8, (5.0, 0.0), 3
+    ),
+    "coast-side contact in oil": MotionCase(
+        gears_on_bearings(3e9, 600.0, 1200.0, backlash=14e-6), 0.8, (5.0, 0.0), 3
+    ),
+    "unequal gears": MotionCase(GEARS, 0.9, (0.3, -5.0)),
+    "chain that settles": MotionCase(CHAIN, 0.8, SETTLING, 3),
+    "chain that strikes": MotionCase(CHAIN, 0.7, STRIKING, 2),
+    "pair as a train": MotionCase(pairs_as_train(DAMPED), 0.9, (0.15, 0.15, -3.0, -3.0)),
+    "idler that deviates": MotionCase(_idler_with_deviations(), 0.9, (0.0,) * 6, 2),
+    **{
+        f"chain with everything {i}": MotionCase(x, 0.9, "static", 6) for i, x in enumerate(_CHAINS)
+    },
+    "ring that drives": MotionCase(ring_driven_train(), 3.0, "static", 4),
+    "bouncing planets": MotionCase(gearlib.planetary(**_BOUNCING), 1.0, "static", 4),
+    "turning planets": MotionCase(gearlib.planetary(**_TURNING, backlash=1e-6), 0.2, "static", 3),
+    "two stages": MotionCase(gearlib.two_stage(PAPER_PAIR), 0.8, "static", 3),
+    "reducer": MotionCase(
+        gearlib.split_power_reducer(PAPER_PAIR, internal=True), 0.95, "static", 3
+    ),
+    "rigid pins": MotionCase(gearlib.planetary(**_RIGID_PINS), 1.0, "static", 3),
 }

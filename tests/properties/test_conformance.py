@@ -24,11 +24,11 @@ from tests.properties.known_models import (
     CHAIN,
     DAMPED,
     GEARS,
-    KNOWN,
+    MOTION_CASES,
     OSCILLATOR,
-    OTHER,
-    Known,
-    gears,
+    PAIR_ON_BOTH_FLANKS,
+    MotionCase,
+    gears_on_bearings,
 )
 from tests.properties.test_properties import FEW, comparison_tolerance
 
@@ -111,10 +111,10 @@ def fully_recorded_run(case, **options):
     return simulate(case.model, case.tuning, **run_settings | options)
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", MOTION_CASES)
 def test_a_motion_matches_the_reference(name):
     """All propagators of a model must follow its reference motion, with any recorded part."""
-    case = KNOWN[name]
+    case = MOTION_CASES[name]
     motion, run = reference_motion(case), fully_recorded_run(case)
     for method in case.model.propagators:
         # The tolerance allows for rounding over up to eight periods, amplified by bounces.
@@ -132,7 +132,7 @@ def test_a_random_motion_matches_the_reference(kind, data):
 
 def assert_run_matches_the_reference(case):
     """Compare three periods with the reference, unless tiny changes of the start grow too much."""
-    motion = Known(*case, 3)
+    motion = MotionCase(*case, 3)
     run = fully_recorded_run(motion)
     if int(run.status):
         return
@@ -150,7 +150,7 @@ def test_some_random_trains_graze_and_some_have_coinciding_events():
     """Seeds with the remainder 2 modulo 4 start near a grazing, those with 3 have equal planets."""
     coinciding, shortest_contact = 0, math.inf
     for seed in sorted((*range(2, 16, 4), *range(3, 16, 4))):
-        events = reference_motion(Known(*random_trains_case(seed), 3)).events
+        events = reference_motion(MotionCase(*random_trains_case(seed), 3)).events
         if seed % 4 == 2:
             for contact in {event.contact for event in events}:
                 phases = [event.phase for event in events if event.contact == contact]
@@ -162,23 +162,25 @@ def test_some_random_trains_graze_and_some_have_coinciding_events():
 
 
 FRICTION = {"friction": (0.06, 0.04), "pitch_phase": 0.7}
-SOFT_BEARINGS = gears(3e7, 3953.7, 3953.7, free=True, share=0.2)
-COAST_CONTACT = gears(3e9, 1500.0, 300.0, share=0.2, backlash=12e-6, **FRICTION)
+SOFT_BEARINGS = gears_on_bearings(3e7, 3953.7, 3953.7, translating=True, bearing_damping_ratio=0.2)
+COAST_CONTACT = gears_on_bearings(
+    3e9, 1500.0, 300.0, bearing_damping_ratio=0.2, backlash=12e-6, **FRICTION
+)
 #: Model, tuning and guess of the state of each orbit.
 ORBITS = {
     "pair": (DAMPED, 0.9, None),
     "pair in contact": (DAMPED, 0.7, None),
     "pair in oil": (DAMPED.replace(backlash_damping=800.0), 0.82, None),
-    "pair on both flanks": (OTHER, 0.88, (0.096, -2.833)),
-    "cubic damping": (KNOWN["cubic damping"].model, 0.9, None),
-    "table": (KNOWN["table"].model.replace(pair=DAMPED), 0.9, None),
+    "pair on both flanks": (PAIR_ON_BOTH_FLANKS, 0.88, (0.096, -2.833)),
+    "cubic damping": (MOTION_CASES["cubic damping"].model, 0.9, None),
+    "table": (MOTION_CASES["table"].model.replace(pair=DAMPED), 0.9, None),
     "oscillator": (OSCILLATOR, 0.8, None),
-    "cubic damping above": (KNOWN["cubic damping"].model, 1.3, None),
+    "cubic damping above": (MOTION_CASES["cubic damping"].model, 1.3, None),
     "six degrees": (SOFT_BEARINGS, 0.9, None),
     "six degrees in contact": (SOFT_BEARINGS, 0.7, None),
     "coast-side contact": (COAST_CONTACT, 0.8, None),
     "run-out": (GEARS.replace(teeth=(3, 3)), 0.7, None),
-    "planets": (KNOWN["bouncing planets"].model, 1.0, None),
+    "planets": (MOTION_CASES["bouncing planets"].model, 1.0, None),
     "chain": (CHAIN, 0.5, None),
 }
 

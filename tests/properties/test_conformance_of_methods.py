@@ -22,7 +22,7 @@ from tests.physics.test_step_methods import (
     SCIPY_WITH_EVENTS,
 )
 from tests.properties.cases import random_trains_case
-from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
+from tests.properties.known_models import CUBIC, MOTION_CASES, UNDAMPED, MotionCase
 from tests.properties.test_summaries import TEETH
 from tests.trains.test_methods import START, bouncing_train
 
@@ -44,23 +44,23 @@ METHODS = {"scipy": Accuracy(SCIPY_WITH_EVENTS, 1e-8, 1e-8), "heyoka": Accuracy(
 THICK = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 FAR = -THICK.backlash_ratio
 MOTIONS = {
-    "bounces": Known(THICK, 0.9, (0.0, 0.0), 20),
-    "keeps contact": Known(THICK, 0.7, (0.0, 0.0), 20),
-    "rest on the flank line": Known(THICK, 0.82, (0.0, 0.0)),
-    "rest on the far line": Known(THICK, 0.82, (FAR, 0.0)),
-    "both flanks": Known(THICK, 0.9, (-1.0, -6.0), 4),
-    "no gap": Known(DAMPED_PAIR.replace(backlash=0.0), 0.8, (0.5, -2.0), 4),
-    "no coast-side flank": Known(DAMPED_PAIR.replace(backlash=math.inf), 0.8, (0.5, -2.0), 4),
-    "without oil": Known(PAIR_DAMPED_IN_CONTACT, 0.8, (1.0, -3.0)),
-    "everything": Known(NONLINEAR_PAIR, 0.8, (1.0, -3.0)),
-    "harmonics": Known(OneDegreePair(pair=DAMPED_PAIR, profile=Fourier(3)), 0.8, (1.0, -3.0)),
-    "quadratic": Known(
+    "bounces": MotionCase(THICK, 0.9, (0.0, 0.0), 20),
+    "keeps contact": MotionCase(THICK, 0.7, (0.0, 0.0), 20),
+    "rest on the flank line": MotionCase(THICK, 0.82, (0.0, 0.0)),
+    "rest on the far line": MotionCase(THICK, 0.82, (FAR, 0.0)),
+    "both flanks": MotionCase(THICK, 0.9, (-1.0, -6.0), 4),
+    "no gap": MotionCase(DAMPED_PAIR.replace(backlash=0.0), 0.8, (0.5, -2.0), 4),
+    "no coast-side flank": MotionCase(DAMPED_PAIR.replace(backlash=math.inf), 0.8, (0.5, -2.0), 4),
+    "without oil": MotionCase(PAIR_DAMPED_IN_CONTACT, 0.8, (1.0, -3.0)),
+    "everything": MotionCase(NONLINEAR_PAIR, 0.8, (1.0, -3.0)),
+    "harmonics": MotionCase(OneDegreePair(pair=DAMPED_PAIR, profile=Fourier(3)), 0.8, (1.0, -3.0)),
+    "quadratic": MotionCase(
         OneDegreePair(pair=THICK, profile=Fourier(3), quadratic_damping=3e4), 0.9, (0.0, 0.0), 10
     ),
-    "six degrees": Known(KNOWN["free bearings"].model, 0.8, (1.0, -3.0)),
-    "train": Known(bouncing_train(), 0.9, START, 6),
+    "six degrees": MotionCase(MOTION_CASES["free bearings"].model, 0.8, (1.0, -3.0)),
+    "train": MotionCase(bouncing_train(), 0.9, START, 6),
     # Run-out, deviations of both flanks, friction; a common period of many mesh periods.
-    **{f"random train {seed}": Known(*random_trains_case(seed), 2) for seed in (0, 5)},
+    **{f"random train {seed}": MotionCase(*random_trains_case(seed), 2) for seed in (0, 5)},
 }
 STATES = ("displacement", "velocity", "acceleration", "dynamic_force", "final_state")
 EXTREMA = ("displacement_max", "displacement_min")
@@ -102,7 +102,9 @@ RUNS = [
 ]
 RUNS += [(THICK, method, {}) for method in sorted({"exact", "heyoka"} & INSTALLED)]
 RUNS += [(OneDegreePair(pair=UNDAMPED, **CUBIC), "taylor", {}), (bouncing_train(), "rk4", {})]
-RUNS += [(KNOWN[name].model, "exact", {}) for name in ("gear_rattle", "unequal gears", "reducer")]
+RUNS += [
+    (MOTION_CASES[name].model, "exact", {}) for name in ("gear_rattle", "unequal gears", "reducer")
+]
 
 
 @pytest.mark.parametrize(("model", "method", "options"), RUNS)

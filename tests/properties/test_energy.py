@@ -15,11 +15,11 @@ import gearlib
 from gearlib import OneDegreePair, simulate
 from tests.independent.systems import describe, system_of
 from tests.properties.cases import CASES
-from tests.properties.known_models import OSCILLATOR, UNDAMPED, gears
+from tests.properties.known_models import OSCILLATOR, UNDAMPED, gears_on_bearings
 from tests.properties.test_properties import FEW
 
 CONSTANT, NO_WAVE = UNDAMPED.replace(contact_ratio=2.0, backlash=12e-6), gearlib.Harmonics()
-SIX = gears(1e9, share=0.0, backlash=12e-6).replace(pair=CONSTANT)
+SIX = gears_on_bearings(1e9, bearing_damping_ratio=0.0, backlash=12e-6).replace(pair=CONSTANT)
 PLANETS = {"structural_damping": 0.0, "material_damping": 0.0, "backlash_damping": 0.0}
 PLANETS["backlash"] = 1e-6
 POWERS = {"quadratic_stiffness": 5e3, "cubic_stiffness": 2e9}

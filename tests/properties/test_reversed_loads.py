@@ -16,7 +16,7 @@ from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.data.motions import largest_force
 from gearlib.uncertainty.designs import DesignQuantities
 from tests.paper import PAPER_PAIR
-from tests.properties.known_models import CHAIN, gears
+from tests.properties.known_models import CHAIN, gears_on_bearings
 
 PLANETS = {"stiffness_ratio": (0.7, 0.7), "reference_frequency": 1475.7}
 TURNING = PLANETS | {"turning": True, "gyroscopic": True}
@@ -26,7 +26,7 @@ TRAINS = {
     "turning": gearlib.planetary(**TURNING),
     "two stages": gearlib.two_stage(PAPER_PAIR.replace(material_damping=3e3)),
 }
-SIX = gears(5e8, material=4.5e3, oil=300.0, moving_backlash=False)
+SIX = gears_on_bearings(5e8, material_damping=4.5e3, backlash_damping=300.0, moving_backlash=False)
 
 
 def with_equal_flanks(train):

@@ -11,13 +11,13 @@ from gearlib.data import summary
 from gearlib.runs import simulation
 from tests.geometry.stages import fzg_c
 from tests.physics.test_step_methods import METHOD_VARIANTS, SCIPY_WITH_EVENTS
-from tests.properties.known_models import KNOWN, Known
+from tests.properties.known_models import MOTION_CASES, MotionCase
 
 #: Number of samples in each mesh period.
 SAMPLES = 1000
 ROUNDING = 1e-9
 TEETH = LoadSharingPair.from_geometry(fzg_c(), torque=300.0, damping_ratio=0.05, stiffness="iso")
-MODELS = KNOWN | {"pairs of teeth": Known(TEETH, 0.9, (0.0, 0.0), 20)}
+MODELS = MOTION_CASES | {"pairs of teeth": MotionCase(TEETH, 0.9, (0.0, 0.0), 20)}
 METHODS = [("exact", {}), ("taylor", {}), ("heyoka", {}), *METHOD_VARIANTS]
 CASES = [
     (name, method, options)

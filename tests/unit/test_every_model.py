@@ -18,7 +18,7 @@ from gearlib.models.one_degree_pair import Equation
 from gearlib.models.profiles import Steps
 from tests.geometry.stages import fzg_c
 from tests.paper import PAPER_PAIR
-from tests.properties.known_models import CHAIN, gears
+from tests.properties.known_models import CHAIN, gears_on_bearings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ class StopOscillator(Model):
 TUNING, STATE_BOX = 0.9, ((-1.0, 1.0), (-1.0, 1.0))
 DAMPED = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 #: Rigid bearings leave few coordinates, for which trapping ellipses are found quickly.
-GEARS_ON_RIGID_BEARINGS = gears(math.inf, 3953.7, 3953.7)
+GEARS_ON_RIGID_BEARINGS = gears_on_bearings(math.inf, 3953.7, 3953.7)
 #: In the turning frame, this train has 18 mesh periods per revolution of the sun.
 PLANETARY_OPTIONS = {"teeth": (24, 72), "stiffness_ratio": (0.8, 0.8)}
 FROM_GEOMETRY = gearlib.LoadSharingPair.from_geometry
