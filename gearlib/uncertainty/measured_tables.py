@@ -421,9 +421,9 @@ def category_codes(label: str, column: Any) -> np.ndarray:
 
 
 def seconds_since_first(label: str, column: Any) -> tuple[np.ndarray, str]:
-    """Convert a column of dates to seconds since the earliest date; return (seconds, this date).
+    """Convert a column of dates to seconds since the earliest date; return (seconds, earliest date).
 
-    `column` is a pandas categorical array of strings in the format ISO 8601, which is also the
+    `column` is a pandas categorical array of strings in ISO 8601 format, which is also the
     format of the returned date; `label` names the column in messages. Raise ValueError if a string
     is not a date.
     """
@@ -433,6 +433,6 @@ def seconds_since_first(label: str, column: Any) -> tuple[np.ndarray, str]:
     instants = pd.to_datetime(list(column.categories), utc=True, format="ISO8601", errors="coerce")
     if instants.isna().any():
         wrong_text = column.categories[int(instants.isna().argmax())]
-        raise checks.InputError(label, wrong_text, "a date in the format ISO 8601")
+        raise checks.InputError(label, wrong_text, "a date in ISO 8601 format")
     seconds = np.asarray((instants - instants.min()) / pd.Timedelta(1, "s"), float)
     return seconds[codes], instants.min().isoformat()

@@ -44,24 +44,24 @@ class Motion:
     def __init__(self, claim):
         if "coordinates" not in claim:
             # One degree of freedom, in the form of a train of one coordinate.
-            boxes = {name: [claim[name]] for name in ("displacement", "velocity")}
-            boxes |= {"coordinates": ["x"], "fixed": [], "contacts": claim["pattern"][:1]}
-            claim = claim | boxes
+            enclosures = {name: [claim[name]] for name in ("displacement", "velocity")}
+            enclosures |= {"coordinates": ["x"], "fixed": [], "contacts": claim["pattern"][:1]}
+            claim = claim | enclosures
         self.claim, tuning = claim, exact(mp, claim["tuning"])
         system = system_of(model_of(claim), tuning, mp)
         self.equations, names = Equations(system), claim["coordinates"]
         assert len(names) == system.n
-        self.kept = [i for i, name in enumerate(names) if name not in claim["fixed"]]
+        self.free_coordinates = [i for i, name in enumerate(names) if name not in claim["fixed"]]
         stiffness = system.stiffness
         for drive, *_ in (contact["sides"] for contact in system.contacts):
-            stiffness = stiffness + drive["course"]["high"] * np.outer(drive["row"], drive["row"])
-        inner = mp.matrix(stiffness[np.ix_(self.kept, self.kept)].tolist()) ** -1
+            stiffness = stiffness + drive["profile"]["threshold"] * np.outer(drive["row"], drive["row"])
+        stiffness_inverse = mp.matrix(stiffness[np.ix_(self.free_coordinates, self.free_coordinates)].tolist()) ** -1
         #: Kept coordinates without rigid-body motion are this matrix times all coordinates.
-        self.reduction = np.array(inner.tolist()) @ stiffness[self.kept]
+        self.reduction = np.array(stiffness_inverse.tolist()) @ stiffness[self.free_coordinates]
 
-    def boxes(self):
+    def enclosures(self):
         """Return the claimed enclosures of the kept coordinates and of their velocities."""
-        return [self.claim[name][i] for name in ("displacement", "velocity") for i in self.kept]
+        return [self.claim[name][i] for name in ("displacement", "velocity") for i in self.free_coordinates]
 
     def move(self, state, period=None, recorded=0):
         """Return (final state, motion) over some mesh periods from kept coordinates and velocities.
@@ -70,28 +70,28 @@ class Motion:
         the last `recorded` periods.
         """
         full, periods = np.full((2, self.equations.n), mpf(0)), period or self.claim["period"]
-        full[:, self.kept] = np.reshape(state, (2, -1))
+        full[:, self.free_coordinates] = np.reshape(state, (2, -1))
         options = {"recorded": recorded, "codes": self.claim["contacts"]}
         motion = program.move(self.equations, periods, full.ravel(), **options)
-        halves = np.reshape(motion.state, (2, -1)) @ self.reduction.T
-        return halves.ravel(), motion
+        reduced_state = np.reshape(motion.state, (2, -1)) @ self.reduction.T
+        return reduced_state.ravel(), motion
 
     def orbit(self, iterations=1):
         """Return (state, motion, multipliers) of the orbit by Newton steps from the box centres."""
-        middle = [(mpf(low) + mpf(high)) / 2 for low, high in self.boxes()]
+        centres = [(mpf(low) + mpf(high)) / 2 for low, high in self.enclosures()]
 
         def change(*state):
             """Return the change of the state over the period."""
             return self.move(state)[0] - state
 
-        state, slopes = program.newton(change, middle, iterations)
+        state, slopes = program.newton(change, centres, iterations)
         recorded = self.claim["period"] if "displacement_min" in self.claim else 0
         multipliers = mp.eig(slopes + mp.eye(len(state)), left=False, right=False)
         return state, self.move(state, recorded=recorded)[1], multipliers
 
-    def faults(self, orbit):
+    def find_contradictions(self, orbit):
         """Return sorted words for the parts of the claim that an orbit of `orbit` refutes."""
-        claim, (state, motion, multipliers), n = self.claim, orbit, len(self.kept)
+        claim, (state, motion, multipliers), n = self.claim, orbit, len(self.free_coordinates)
         meshes = claim["model"].get("meshes", [{"name": "mesh"}])
         events = [(meshes[e.contact]["name"], e.before, e.after, e) for e in motion.events]
         listed = [(e.get("mesh", "mesh"), e["before"], e["after"], e) for e in claim["events"]]
@@ -101,28 +101,28 @@ class Motion:
         if [row[:3] for row in events] != [row[:3] for row in listed]:
             return ["contacts"]
         names = ["displacement"] * n + ["velocity"] * n
-        rows = zip(names, self.boxes(), state, strict=True)
-        checks = [(name, _holds(box, value, room=0)) for name, box, value in rows]
-        for (*_, event), (*_, box) in zip(events, listed, strict=True):
-            checks.append(("phase", _holds(box["phase"], event.phase)))
-            checks.append(("speed", _holds(box["velocity"], event.own_rate)))
+        rows = zip(names, self.enclosures(), state, strict=True)
+        checks = [(name, _contains(enclosure, value, margin=0)) for name, enclosure, value in rows]
+        for (*_, event), (*_, enclosure) in zip(events, listed, strict=True):
+            checks.append(("phase", _contains(enclosure["phase"], event.phase)))
+            checks.append(("speed", _contains(enclosure["velocity"], event.side_rate)))
         for name, extremum in (("displacement_min", min), ("displacement_max", max)):
             if name in claim:
-                checks.append((name, _holds(claim[name], extremum(motion.record.heights[0]))))
+                checks.append((name, _contains(claim[name], extremum(motion.record.displacements[0]))))
         is_inside = [
-            [all(map(_holds, box, (root.real, root.imag))) for root in multipliers]
-            for box in claim["multipliers"]
+            [all(map(_contains, enclosure, (root.real, root.imag))) for root in multipliers]
+            for enclosure in claim["multipliers"]
         ]
         # Each box holds a multiplier, and each multiplier lies in a box.
         checks += [("multiplier", np.any(is_inside, axis=axis).all()) for axis in (0, 1)]
         shorter_periods = [p for p in range(1, claim["period"]) if claim["period"] % p == 0]
         repeats = [max(abs(self.move(state, p)[0] - state)) < 1e-9 for p in shorter_periods]
         checks += [("period", not any(repeats))]
-        checks += [("stability", _is_judged_right(claim["stability"], multipliers))]
+        checks += [("stability", _is_verdict_correct(claim["stability"], multipliers))]
         return sorted({name for name, holds in checks if not holds})
 
 
-def _is_judged_right(stability, multipliers):
+def _is_verdict_correct(stability, multipliers):
     """Return whether multipliers confirm a verdict on stability.
 
     The verdict must be "undecided" if all multipliers lie on the unit circle.
@@ -133,12 +133,12 @@ def _is_judged_right(stability, multipliers):
     return stability == ("unstable" if largest > 1 else "stable")
 
 
-def _holds(box, value, room=_ROUNDING):
-    """Return whether an enclosure, widened by `room` on both sides, contains a value."""
-    return mpf(box[0]) - room <= value <= mpf(box[1]) + room
+def _contains(enclosure, value, margin=_ROUNDING):
+    """Return whether an enclosure, widened by `margin` on both sides, contains a value."""
+    return mpf(enclosure[0]) - margin <= value <= mpf(enclosure[1]) + margin
 
 
-def _range_faults(claim):
+def _find_range_contradictions(claim):
     """Return sorted words for the faults of a claimed range, checked at both ends of each piece."""
     claim = claim | {name: exact(mp, claim[name]) for name in ("pieces", "start", "stop")}
     ends = [(piece["start"], piece["stop"]) for piece in claim["pieces"]]
@@ -149,19 +149,19 @@ def _range_faults(claim):
         return ["order"]
     if any(len(piece["centre"]) != len(claim["pattern"]) + 1 for piece in claim["pieces"]):
         return ["contacts"]
-    fault_words, states = set(), []
+    contradicted_parts, states = set(), []
     for piece, end in product(claim["pieces"], ("start", "stop")):
-        motion = Motion(claim | _point(claim["pattern"], piece, piece[end]))
+        motion = Motion(claim | _claim_at(claim["pattern"], piece, piece[end]))
         orbit = motion.orbit(iterations=4)
-        fault_words |= set(motion.faults(orbit))
+        contradicted_parts |= set(motion.find_contradictions(orbit))
         states.append(orbit[0])
     # Two neighbouring pieces must have the same orbit at their common tuning.
     if not np.all(abs(np.subtract(states[1:-1:2], states[2::2])) < 1e-20):
-        fault_words.add("branch")
-    return sorted(fault_words)
+        contradicted_parts.add("branch")
+    return sorted(contradicted_parts)
 
 
-def _point(pattern, piece, tuning):
+def _claim_at(pattern, piece, tuning):
     """Return the claim that a piece of a range makes of the orbit at one of its tunings."""
     rows = zip(piece["centre"], piece["radii"], strict=True)
     x, (lower_velocity, upper_velocity), *phases = [(c - r, c + r) for c, r in rows]
@@ -173,21 +173,21 @@ def _point(pattern, piece, tuning):
     return point | {"multipliers": [(unbounded, unbounded)]}
 
 
-def faults(claim):
+def find_contradictions(claim):
     """Return a list of words for what the orbits in 50 digits refute of a claim of any kind."""
     if claim["claim"] == "range":
-        return _range_faults(claim)
+        return _find_range_contradictions(claim)
     motion = Motion(claim)
-    return motion.faults(motion.orbit())
+    return motion.find_contradictions(motion.orbit())
 
 
 def main(path):
     """Print the faults of a file of certificates and return the number of claims with faults."""
     with open(path, encoding="utf-8") as file:
         claims = [row for row in json.load(file) if row["claim"] not in ("count", "refusal")]
-    refuted_claims = [(claim, words) for claim in claims if (words := faults(claim))]
-    for claim, words in refuted_claims:
-        print(claim["damping"], claim["claim"], claim.get("tuning", claim.get("start")), *words)
+    refuted_claims = [(claim, parts) for claim in claims if (parts := find_contradictions(claim))]
+    for claim, parts in refuted_claims:
+        print(claim["damping"], claim["claim"], claim.get("tuning", claim.get("start")), *parts)
     print(f"{len(claims) - len(refuted_claims)} of {len(claims)} claims are confirmed")
     return len(refuted_claims)
 

@@ -22,12 +22,12 @@ VARIABLES = (
 SHARES = ("fraction_drive", "contact_loss_fraction", "fraction_coast", "fraction_min_stiffness")
 
 
-def columns(model, tuning, periods, state):
+def compute_variables(model, tuning, periods, state):
     """Return the differentiated variables of a run of the independent program, name -> list."""
     motion = move(model, tuning, periods, state, context=mp, recorded=1)
     record, is_train = motion.record, model["kind"] == "GearTrain"
     values_by_name = {"final_state": motion.state if is_train else motion.mesh_state()}
-    for name, values in (("displacement", record.heights), ("dynamic_force", record.forces)):
+    for name, values in (("displacement", record.displacements), ("dynamic_force", record.forces)):
         values_by_name |= {
             f"{name}_max": list(map(max, values)),
             f"{name}_min": list(map(min, values)),
@@ -40,7 +40,7 @@ def columns(model, tuning, periods, state):
     return values_by_name
 
 
-def _places(model, name):
+def _find_numbers(model, name):
     """Return (part of a description, key) of each number that a named parameter changes."""
     field, _, owner = name.partition(" of ")
     if owner:
@@ -57,7 +57,7 @@ def _places(model, name):
     return [(model["pair"] if name in model.get("pair", ()) else model, name)]
 
 
-def _changed(model, tuning, name, fraction):
+def _perturb(model, tuning, name, fraction):
     """Return (description, tuning, step) with a parameter increased by a fraction of its size.
 
     A parameter of value 0 is increased by the fraction itself.
@@ -68,7 +68,7 @@ def _changed(model, tuning, name, fraction):
     if name == "backlash_ratio":
         model["backlash"] += fraction * model["load"] / mean_stiffness(model)
         return model, tuning, fraction
-    for part, key in _places(model, name):
+    for part, key in _find_numbers(model, name):
         step = fraction * (abs(part[key]) or 1)
         part[key] = step + part[key]
     return model, tuning, step
@@ -77,10 +77,10 @@ def _changed(model, tuning, name, fraction):
 def of_run(model, tuning, periods, state, names):
     """Return the derivatives of all variables of a run, one list for each named parameter."""
     with mp.workdps(34):
-        base_columns, rows = columns(model, tuning, periods, state), []
+        base_columns, rows = compute_variables(model, tuning, periods, state), []
         for name in names:
-            changed_model, nu, step = _changed(model, tuning, name, mpf(10) ** -16)
-            changed_columns = columns(changed_model, nu, periods, state)
+            changed_model, nu, step = _perturb(model, tuning, name, mpf(10) ** -16)
+            changed_columns = compute_variables(changed_model, nu, periods, state)
             pairs = ((base_columns[key], changed_columns[key]) for key in VARIABLES)
             rows.append([(b - a) / step for pair in pairs for a, b in zip(*pair, strict=True)])
     return rows
@@ -107,7 +107,7 @@ def of_orbit(model, tuning, period, guess, names):
     for name in names:
         values_on_both_sides = []
         for sign in (-1, 1):
-            changed_model, nu, step = _changed(model, tuning, name, sign * mpf(10) ** -10)
+            changed_model, nu, step = _perturb(model, tuning, name, sign * mpf(10) ** -10)
             state, slopes = orbit_of(changed_model, nu, period, guess)
             roots = mp.eig(slopes + mp.eye(2), left=False, right=False)
             # The order is by falling size, and a positive imaginary part comes first.

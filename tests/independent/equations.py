@@ -7,13 +7,13 @@ All is in SI units, in the numbers of a context of mpmath: `mpmath.fp` computes 
 `length`, m, and `force`, N/m, are units. `forces` have a row (n), and the order of a derivative by
 time of waves (frequency, cosine, sine).
 
-A contact has ``rate`` (periods of its stiffness per period of the phase), ``film`` and, on each
-side, ``material`` damping (linear, quadratic, cubic), ``powers`` of the elastic force (quadratic,
-cubic), ``across`` (n, direction of friction), ``zero`` (distance of displacement zero) and
+A contact has ``frequency_ratio`` (periods of its stiffness per period of the phase), ``oil_damping`` and, on each
+side, ``material_damping`` damping (linear, quadratic, cubic), ``nonlinear_stiffness`` of the elastic force (quadratic,
+cubic), ``friction_row`` (n, direction of friction), ``displacement_origin`` (distance of displacement zero) and
 ``sides``: the drive side touches where its distance row . q + constant + waves is positive, the
-coast side, if there is one, where its own is negative. A side has ``row``, ``constant``, ``waves``,
-``friction``, ``turns`` (periods at which the sliding turns to 1) and ``course``, its stiffness:
-``breaks`` in [0, 2 pi), ``lines`` (value, slope) from each on, ``waves``, ``shift`` in periods,
+coast side, if there is one, where its own is negative. A side has ``row``, ``constant``, ``harmonic_terms``,
+``friction``, ``sliding_reversal`` (periods at which the sliding turns to 1) and ``profile``, its stiffness:
+``breakpoints`` in [0, 2 pi), ``segments`` (value, slope) from each on, ``harmonic_terms``, ``shift`` in periods,
 ``high``: below it counts as low.
 """
 
@@ -84,45 +84,45 @@ class System:
         """Add a mass that moves by `row @ q`."""
         self.mass = self.mass + mass * np.outer(row, row)
 
-    def course(self, breaks, lines, waves=(), high=None, shift=0):
-        """Return a ``course`` of a stiffness, as the module describes it.
+    def profile(self, breakpoints, segments, harmonic_terms=(), high=None, shift=0):
+        """Return a ``profile`` of a stiffness, as the module describes it.
 
         If `high` is None, a stiffness below the mean counts as low.
         """
         if high is None:
-            ends, period = [*breaks[1:], breaks[0] + 2 * self.context.pi], 2 * self.context.pi
-            rows = zip(breaks, ends, lines, strict=True)
+            ends, period = [*breakpoints[1:], breakpoints[0] + 2 * self.context.pi], 2 * self.context.pi
+            rows = zip(breakpoints, ends, segments, strict=True)
             high = sum((u - t) * (c + k * (u - t) / 2) for t, u, (c, k) in rows) / period
-        return dict(breaks=breaks, lines=lines, waves=waves, high=high, shift=shift)
+        return dict(breakpoints=breakpoints, segments=segments, harmonic_terms=harmonic_terms, threshold=threshold, shift=shift)
 
-    def rectangular_course(self, mesh, shift=0):
-        """Return the ``course`` of Eq. (1) of the paper, C_max around `shift`, in periods."""
+    def rectangular_profile(self, mesh, shift=0):
+        """Return the ``profile`` of Eq. (1) of the paper, C_max around `shift`, in periods."""
         half, high = self.context.pi * (mesh["contact_ratio"] - 1), mesh["max_stiffness"]
-        lines = [(high * mesh["stiffness_ratio"], 0), (high, 0)]
-        return self.course([half, 2 * self.context.pi - half], lines, high=high, shift=shift)
+        segments = [(high * mesh["stiffness_ratio"], 0), (high, 0)]
+        return self.profile([half, 2 * self.context.pi - half], segments, threshold=threshold, shift=shift)
 
-    def add_contact(self, sides, film, **fields):
-        """Add a contact with its `sides`, damping `film` in free flight and further fields.
+    def add_contact(self, sides, oil_damping, **fields):
+        """Add a contact with its `sides`, damping `oil_damping` in free flight and further fields.
 
         The second of `sides`, the coast side, may be falsy: then there is none.
         """
-        defaults = {"constant": 0, "waves": [], "friction": 0, "turns": 0}
+        defaults = {"constant": 0, "harmonic_terms": [], "friction": 0, "sliding_reversal": 0}
         sides = [defaults | side for side in sides if side]
-        defaults = {"rate": 1, "powers": (0, 0), "across": self.zeros(self.n), "zero": 0}
-        self.contacts.append({"sides": sides, "film": film} | defaults | fields)
+        defaults = {"frequency_ratio": 1, "nonlinear_stiffness": (0, 0), "friction_row": self.zeros(self.n), "displacement_origin": 0}
+        self.contacts.append({"sides": sides, "oil_damping": oil_damping} | defaults | fields)
 
     def distance(self, side, q, phase):
         """Return the distance of a side, m, at coordinates `q` and a phase."""
-        (waves,) = wave_series(self.context, side["waves"], phase, terms=1)
-        return side["row"] @ q + side["constant"] + waves
+        (harmonic_terms,) = harmonic_series(self.context, side["harmonic_terms"], phase, terms=1)
+        return side["row"] @ q + side["constant"] + harmonic_terms
 
     def level(self, contact, side, phase):
         """Return the stiffness of a side at a phase of the motion."""
-        phase = contact["rate"] * phase
-        return stiffness_series(self.context, side["course"], phase, phase)[0]
+        phase = contact["frequency_ratio"] * phase
+        return stiffness_series(self.context, side["profile"], phase, phase)[0]
 
 
-class Piece(NamedTuple):
+class TimeInterval(NamedTuple):
     """An interval of the time theta in which the speed of the phase and the load are linear."""
 
     begin: object
@@ -131,8 +131,8 @@ class Piece(NamedTuple):
     speed: object
     acceleration: object = 0
     load: object = 1
-    slope: object = 0
-    push: object = ()  #: accelerations of coordinates, in units, for one of the phase
+    load_slope: object = 0
+    phase_coupling: object = ()  #: accelerations of coordinates, in units, for one of the phase
 
     def phase_at(self, t):
         """Return (phase, its rate, half its acceleration) at the time `t`."""
@@ -140,47 +140,47 @@ class Piece(NamedTuple):
         return (self.phase + (self.speed + half * s) * s, self.speed + self.acceleration * s, half)
 
 
-def wave_series(context, waves, phase, terms, rate=1, bend=0):
+def harmonic_series(context, harmonic_terms, phase, terms, rate=1, half_acceleration=0):
     """Return Taylor coefficients in t of a sum of waves (frequency, cosine, sine) of the phase.
 
     The phase is phase + rate t + bend t^2.
     """
     total = [context.mpf(0)] * terms
-    for f, a, b in waves:
+    for f, a, b in harmonic_terms:
         last, current = 0, (a - context.j * b) * context.expj(f * phase)
         turn = context.j * f
         for k in range(terms):
             total[k] += current.real
-            last, current = current, turn * (rate * current + 2 * bend * last) / (k + 1)
+            last, current = current, turn * (rate * current + 2 * half_acceleration * last) / (k + 1)
     return total
 
 
-def stiffness_series(context, course, phase, middle, terms=1, rate=1, bend=0):
+def stiffness_series(context, profile, phase, interior_phase, terms=1, rate=1, half_acceleration=0):
     """Return Taylor coefficients in t of a stiffness at the phase phase + rate t + bend t^2.
 
-    `middle`, a phase within the step of the motion, decides which line of the `course` applies.
+    `interior_phase`, a phase within the step of the motion, decides which line of the `profile` applies.
     """
-    period, breaks = 2 * context.pi, course["breaks"]
-    phase, middle = (x - period * course["shift"] for x in (phase, middle))
-    at = bisect(breaks, middle % period) - 1
-    value, slope = course["lines"][at]
+    period, breakpoints = 2 * context.pi, profile["breakpoints"]
+    phase, interior_phase = (x - period * profile["shift"] for x in (phase, interior_phase))
+    index = bisect(breakpoints, interior_phase % period) - 1
+    value, slope = profile["segments"][index]
     # The line may have begun at a break of the previous period.
-    since = (middle - breaks[at]) % period + (phase - middle)
-    line = [value + slope * since, slope * rate, slope * bend, *[0] * terms]
-    waves = wave_series(context, course["waves"], phase, terms, rate, bend)
-    return [a + b for a, b in zip(line, waves, strict=False)]
+    since = (interior_phase - breakpoints[index]) % period + (phase - interior_phase)
+    line = [value + slope * since, slope * rate, slope * half_acceleration, *[0] * terms]
+    harmonic_terms = harmonic_series(context, profile["harmonic_terms"], phase, terms, rate, half_acceleration)
+    return [a + b for a, b in zip(line, harmonic_terms, strict=False)]
 
 
-def sense(rate, turns, phase):
+def sliding_direction(rate, sliding_reversal, phase):
     """Return the direction, 1 or -1, in which the flanks slide at a phase.
 
-    `rate` is the number of mesh periods per period of the phase, and `turns` are the mesh periods
+    `rate` is the number of mesh periods per period of the phase, and `sliding_reversal` are the mesh periods
     at which the direction changes to 1.
     """
-    return 1 if (rate * phase / (2 * math.pi) - turns) % 1 < 0.5 else -1
+    return 1 if (rate * phase / (2 * math.pi) - sliding_reversal) % 1 < 0.5 else -1
 
 
-def sparse(row):
+def nonzero_entries(row):
     """Return (index, value) of each nonzero entry of an array."""
     return [(i, x) for i, x in enumerate(row.tolist()) if x]
 
@@ -188,62 +188,64 @@ def sparse(row):
 class Side:
     """A side of a contact, with its fields in units of length.
 
-    `pushes` are the accelerations of coordinates by a unit normal force, by the direction of
+    `unit_accelerations` are the accelerations of coordinates by a unit normal force, by the direction of
     sliding: 1, -1, or 0 for no friction.
     """
 
     def __init__(self, equations, contact, side):
-        length, across = equations.length, side["friction"] * contact["across"]
-        self.row = sparse(side["row"])
+        length, friction_row = equations.length, side["friction"] * contact["friction_row"]
+        self.row = nonzero_entries(side["row"])
         self.constant = side["constant"] / length
-        self.waves = tuple((f, a / length, b / length) for f, a, b in side["waves"])
-        self.course, self.has_friction, self.turns = side["course"], across.any(), side["turns"]
-        breaks, period = self.course["breaks"], 2 * equations.context.pi
+        self.harmonic_terms = tuple((f, a / length, b / length) for f, a, b in side["harmonic_terms"])
+        self.profile, self.has_friction, self.sliding_reversal = side["profile"], friction_row.any(), side["sliding_reversal"]
+        breakpoints, period = self.profile["breakpoints"], 2 * equations.context.pi
         #: phases, in periods, at which stiffness or sliding direction change
-        self.cuts = {b / period + self.course["shift"] for b in breaks if len(breaks) > 1}
-        self.cuts |= {self.turns, self.turns + 0.5} if self.has_friction else set()
-        pushes = {sense: equations.inverse @ (side["row"] + sense * across) for sense in (-1, 0, 1)}
-        self.pushes = {sense: sparse(push) for sense, push in pushes.items()}
-        self.material = equations.damping(side["material"])
-        slopes = [slope for _, slope in self.course["lines"]]
-        self.is_constant = not self.course["waves"] and not any(slopes)
+        self.switch_phases = {b / period + self.profile["shift"] for b in breakpoints if len(breakpoints) > 1}
+        self.switch_phases |= {self.sliding_reversal, self.sliding_reversal + 0.5} if self.has_friction else set()
+        force_rows = {sliding_direction: side["row"] + sliding_direction * friction_row for sliding_direction in (-1, 0, 1)}
+        self.unit_accelerations = {
+            sliding_direction: nonzero_entries(equations.inverse @ force_row) for sliding_direction, force_row in force_rows.items()
+        }
+        self.material_damping = equations.damping(side["material_damping"])
+        slopes = [slope for _, slope in self.profile["segments"]]
+        self.is_constant = not self.profile["harmonic_terms"] and not any(slopes)
 
 
 class Contact:
     """A contact with its fields in units; `side` maps contact states, 1 and -1, to sides."""
 
     def __init__(self, equations, contact):
-        self.rate = contact["rate"]
-        self.zero = contact["zero"] / equations.length
-        self.film = equations.damping(contact["film"])
+        self.frequency_ratio = contact["frequency_ratio"]
+        self.displacement_origin = contact["displacement_origin"] / equations.length
+        self.oil_damping = equations.damping(contact["oil_damping"])
         sides = [Side(equations, contact, side) for side in contact["sides"]]
         self.drive, self.side = sides[0], dict(zip((1, -1), sides, strict=False))
-        self.powers = [p * equations.length**k for k, p in enumerate(contact["powers"], start=1)]
-        self.has_kink = bool(self.film[1]) or any(side.material[1] for side in sides)
-        near, *_, far = sides[0], *sides
+        self.nonlinear_stiffness = [p * equations.length**k for k, p in enumerate(contact["nonlinear_stiffness"], start=1)]
+        self.has_kink = bool(self.oil_damping[1]) or any(side.material_damping[1] for side in sides)
+        drive, *_, coast = sides[0], *sides
         #: whether both sides move alike, and whether there is no backlash
-        self.alike = (near.row, near.waves) == (far.row, far.waves)
-        self.closed = near is not far and self.alike and near.constant == far.constant
+        self.sides_move_alike = (drive.row, drive.harmonic_terms) == (coast.row, coast.harmonic_terms)
+        self.has_zero_backlash = drive is not coast and self.sides_move_alike and drive.constant == coast.constant
 
-    def possible_events(self, code):
+    def possible_events(self, contact_state):
         """Return (side, sign, next code) of each possible event.
 
         The event occurs where sign times the distance of the side falls through 0.
         """
-        if code:
-            return [(self.side[code], code, -code if self.closed else 0)]
-        return [(side, -code, code) for code, side in self.side.items()]
+        if contact_state:
+            return [(self.side[contact_state], contact_state, -contact_state if self.has_zero_backlash else 0)]
+        return [(side, -contact_state, contact_state) for contact_state, side in self.side.items()]
 
-    def dampers(self, code):
+    def dampers(self, contact_state):
         """Return (side, coefficients) of each damper, which acts on the rate of the distance."""
-        side, oil = self.side.get(code), [(self.drive, self.film)]
-        if not code:
+        side, oil = self.side.get(contact_state), [(self.drive, self.oil_damping)]
+        if not contact_state:
             return oil
-        if side is self.drive or self.alike:
-            return [(side, side.material)]
+        if side is self.drive or self.sides_move_alike:
+            return [(side, side.material_damping)]
         # If the coast side moves differently, oil damps the drive distance throughout, and contact
         # adds the difference of material and oil damping on the coast side.
-        return [*oil, (side, [b - a for a, b in zip(self.film, side.material, strict=True)])]
+        return [*oil, (side, [b - a for a, b in zip(self.oil_damping, side.material_damping, strict=True)])]
 
 
 class Equations:
@@ -260,19 +262,19 @@ class Equations:
         floats = 16.5, 26, 1e-13, lambda pairs: sum([a * b for a, b in pairs])
         many = mp.dps, int(mp.dps * 0.9) + 6, mp.mpf(10) ** (5 - mp.dps), mp.fdot
         #: terms of series, rounding errors of numbers near 1, and the sum of the products of pairs
-        digits, self.terms, self.tiny, self.dot = floats if self.context is mpmath.fp else many
+        digits, self.terms, self.tolerance, self.dot = floats if self.context is mpmath.fp else many
         #: the limit of the last terms of a series
         self.last_term = mp.mpf(10) ** -digits
         mass = self.context.matrix(system.mass.tolist())
         self.inverse = np.array((mass**-1).tolist()) / self.speed**2
         #: for each coordinate (stiffness, damping), sparse rows of accelerations
         matrices = self.inverse @ system.stiffness, self.inverse @ system.damping * self.speed
-        self.rows = [tuple(map(sparse, rows)) for rows in zip(*matrices, strict=True)]
+        self.rows = [tuple(map(nonzero_entries, rows)) for rows in zip(*matrices, strict=True)]
         self.load = (self.inverse @ system.load / self.length).tolist()
         #: rows (accelerations, order of the derivative by time, waves)
         self.forces = [
-            (sparse(self.inverse @ row * self.speed**order / self.length), order, tuple(waves))
-            for row, order, waves in system.forces
+            (nonzero_entries(self.inverse @ row * self.speed**order / self.length), order, tuple(harmonic_terms))
+            for row, order, harmonic_terms in system.forces
         ]
         self.contacts = [Contact(self, contact) for contact in system.contacts]
 
@@ -294,5 +296,5 @@ class Equations:
 
         `q` holds coordinates, or for `order` 1 their rates, without the constant of the distance.
         """
-        waves = wave_series(self.context, side.waves, phase, terms=2)[order]
-        return self.dot([(x, q[i]) for i, x in side.row]) + waves + (0 if order else side.constant)
+        harmonic_terms = harmonic_series(self.context, side.harmonic_terms, phase, terms=2)[order]
+        return self.dot([(x, q[i]) for i, x in side.row]) + harmonic_terms + (0 if order else side.constant)

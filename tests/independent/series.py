@@ -7,36 +7,36 @@ from operator import add, mul
 
 import mpmath
 
-from tests.independent.equations import sense, stiffness_series, wave_series
+from tests.independent.equations import sliding_direction, stiffness_series, harmonic_series
 
 
 class Step:
-    """The Taylor series of a motion from a state at the time t of a `Piece`, with contact states.
+    """The Taylor series of a motion from a state at the time t of a `TimeInterval`, with contact states.
 
-    `middle` is a phase within the step, which decides on stiffness and sliding. `turned` says that
+    `interior_phase` is a phase within the step, which decides on stiffness and sliding. `starts_at_extremum` says that
     the step starts at an extremum of the drive distance, where its rate is 0 up to rounding.
     """
 
-    def __init__(self, equations, piece, t, state, codes, middle, turned=False):
-        self.equations, self.t, self.middle, self.turned = equations, t, middle, turned
-        self.contacts = list(zip(equations.contacts, codes, strict=True))
-        self.phase, self.rate, self.bend = piece.phase_at(t)
-        self.wave, dot, n = cache(self.wave), equations.dot, equations.n
+    def __init__(self, equations, interval, t, state, contact_states, interior_phase, starts_at_extremum=False):
+        self.equations, self.t, self.interior_phase, self.starts_at_extremum = equations, t, middle, starts_at_extremum
+        self.contacts = list(zip(equations.contacts, contact_states, strict=True))
+        self.phase, self.rate, self.half_acceleration = interval.phase_at(t)
+        self.expand_harmonics, dot, n = cache(self.expand_harmonics), equations.dot, equations.n
         #: Taylor coefficients of coordinates, and of the distances of sides, first of their waves
         self.series = []
         sides = [side for contact in equations.contacts for side in contact.side.values()]
-        self.curves = {side: list(self.wave(side.waves)) for side in sides}
+        self.curves = {side: list(self.expand_harmonics(side.harmonic_terms)) for side in sides}
         self._add(state[:n])
         self._add(state[n:])
-        laws, share = self.laws(piece), piece.load + piece.slope * (t - piece.begin)
-        for k, factor in enumerate([share, piece.slope, *[0] * (equations.terms - 2)]):
+        force_terms, share = self.force_terms(interval), interval.load + interval.load_slope * (t - interval.begin)
+        for k, factor in enumerate([share, interval.load_slope, *[0] * (equations.terms - 2)]):
             (displacements, rates), total = self.series[k:], [factor * x for x in equations.load]
             for i, (springs, dampers) in enumerate(equations.rows):
                 total[i] -= dot([(x, displacements[j]) for j, x in springs])
                 total[i] -= (k + 1) * dot([(x, rates[j]) for j, x in dampers])
-            for push, law in laws:
-                value = law(k)
-                for i, x in push:
+            for accelerations, coefficient_of in force_terms:
+                value = coefficient_of(k)
+                for i, x in accelerations:
                     total[i] -= x * value
             self._add([x / ((k + 1) * (k + 2)) for x in total])
 
@@ -48,36 +48,36 @@ class Step:
             curve[order] += self.equations.dot(products) + (0 if order else side.constant)
         self.series.append(coefficients)
 
-    def wave(self, waves):
+    def expand_harmonics(self, harmonic_terms):
         """Return Taylor coefficients of a sum of waves of the phase."""
         context, terms = self.equations.context, self.equations.terms + 2
-        return wave_series(context, waves, self.phase, terms, self.rate, self.bend)
+        return harmonic_series(context, harmonic_terms, self.phase, terms, self.rate, self.half_acceleration)
 
     def stiffness(self, contact, side):
         """Return Taylor coefficients of the stiffness of a side."""
-        r, context, terms = contact.rate, self.equations.context, self.equations.terms + 2
-        about = r * self.phase, r * self.middle, terms, r * self.rate, r * self.bend
-        return stiffness_series(context, side.course, *about)
+        r, context, terms = contact.frequency_ratio, self.equations.context, self.equations.terms + 2
+        about = r * self.phase, r * self.interior_phase, terms, r * self.rate, r * self.half_acceleration
+        return stiffness_series(context, side.profile, *about)
 
-    def laws(self, piece):
+    def force_terms(self, interval):
         """Return (accelerations by a unit force, function of k) of each force.
 
         The function returns the Taylor coefficient number k of the force.
         """
-        inertia = [-piece.acceleration, *[0] * self.equations.terms]
-        laws = [(list(enumerate(piece.push)), inertia.__getitem__)]
-        for push, order, waves in self.equations.forces:
-            forces = [-math.perm(k, order) * c for k, c in enumerate(self.wave(waves))]
-            laws.append((push, forces[order:].__getitem__))
-        for contact, code in self.contacts:
-            for side, coefficients in contact.dampers(code):
+        inertia = [-interval.acceleration, *[0] * self.equations.terms]
+        force_terms = [(list(enumerate(interval.phase_coupling)), inertia.__getitem__)]
+        for accelerations, order, harmonic_terms in self.equations.forces:
+            forces = [-math.perm(k, order) * c for k, c in enumerate(self.expand_harmonics(harmonic_terms))]
+            force_terms.append((accelerations, forces[order:].__getitem__))
+        for contact, contact_state in self.contacts:
+            for side, coefficients in contact.dampers(contact_state):
                 if any(coefficients):
-                    laws.append((side.pushes[0], self.damper(side, *coefficients)))
-            if code:
-                side = contact.side[code]
-                slides = side.has_friction and sense(contact.rate, side.turns, self.middle)
-                laws.append((side.pushes[slides], self.spring(contact, code)))
-        return laws
+                    force_terms.append((side.unit_accelerations[0], self.damper(side, *coefficients)))
+            if contact_state:
+                side = contact.side[contact_state]
+                slides = side.has_friction and sliding_direction(contact.frequency_ratio, side.turns, self.interior_phase)
+                force_terms.append((side.unit_accelerations[slides], self.spring(contact, contact_state)))
+        return force_terms
 
     def damper(self, side, d1, d2, d3):
         """Return a function of k with the Taylor coefficients of d1 v + d2 |v| v + d3 v^3.
@@ -92,19 +92,19 @@ class Step:
             if not (d2 or d3):
                 return d1 * rate
             # At an extremum the rate is rounding, whose sign must not count.
-            rates.append(0 * rate if self.turned and k == 0 else rate)
+            rates.append(0 * rate if self.starts_at_extremum and k == 0 else rate)
             squares.append(times(rates, rates, k))
             sign = -1 if next(filter(None, rates), 0) < 0 else 1
             return d1 * rate + d2 * sign * squares[k] + d3 * times(squares, rates, k)
 
         return term
 
-    def spring(self, contact, code):
+    def spring(self, contact, contact_state):
         """Return a function of k with Taylor coefficients of c(tau) (g + p2 sgn(g) g^2 + p3 g^3).
 
         g is the distance of the side in contact. Calls must be for k = 0, 1, ... in this order.
         """
-        side, times, (p2, p3) = contact.side[code], self.equations.product, contact.powers
+        side, times, (p2, p3) = contact.side[contact_state], self.equations.product, contact.nonlinear_stiffness
         curve, levels, squares, springs = self.curves[side], self.stiffness(contact, side), [], []
 
         def term(k):
@@ -112,43 +112,43 @@ class Step:
             springs.append(curve[k])
             if p2 or p3:
                 squares.append(times(curve, curve, k))
-                springs[k] += p2 * code * squares[k] + p3 * times(squares, curve, k)
+                springs[k] += p2 * contact_state * squares[k] + p3 * times(squares, curve, k)
             return levels[0] * springs[k] if side.is_constant else times(levels, springs, k)
 
         return term
 
-    def elastic(self, contact, code):
+    def elastic(self, contact, contact_state):
         """Return the Taylor coefficients of the elastic force of a contact, in units."""
-        if not code:
+        if not contact_state:
             return [0 * self.t] * 2
-        law, unit = self.spring(contact, code), self.equations.force
-        return [law(k) / unit for k in range(self.equations.terms + 2)]
+        coefficient_of, unit = self.spring(contact, contact_state), self.equations.force
+        return [coefficient_of(k) / unit for k in range(self.equations.terms + 2)]
 
     def displacement(self, contact):
         """Return the Taylor coefficients of the displacement of a contact."""
         first, *others = self.curves[contact.drive]
-        return [first - contact.zero, *others]
+        return [first - contact.displacement_origin, *others]
 
-    def length(self, longest):
-        """Return the length of a step, at most `longest`, whose last terms are negligible."""
+    def length(self, max_length):
+        """Return the length of a step, at most `max_length`, whose last terms are negligible."""
         for order in (len(self.series) - 1, len(self.series) - 2):
             if size := max(map(abs, self.series[order]), default=0):
                 share = self.equations.last_term / mpmath.mpf(size)
-                longest = min(longest, self.equations.context.mpf(mpmath.root(share, order)))
-        return longest
+                max_length = min(max_length, self.equations.context.mpf(mpmath.root(share, order)))
+        return max_length
 
-    def at(self, t):
+    def state_at(self, t):
         """Return the state at the time `t` after the start of the step."""
         value, columns = self.equations.value, list(zip(*self.series, strict=True))
-        return [value(c, t) for c in columns] + [value(slope_of(c), t) for c in columns]
+        return [value(c, t) for c in columns] + [value(derivative_of(c), t) for c in columns]
 
 
-def slope_of(curve):
+def derivative_of(curve):
     """Return the coefficients of the derivative of a polynomial."""
     return [k * c for k, c in enumerate(curve)][1:]
 
 
-def zeros(equations, curve, end, floor):
+def find_roots(equations, curve, end, floor):
     """Return the zeros of odd order of a polynomial on (0, end), in rising order.
 
     A polynomial whose terms add up to at most `floor` is rounding and has none.
@@ -158,14 +158,14 @@ def zeros(equations, curve, end, floor):
     if size <= floor or 2 * abs(scaled[0]) > size:
         return []
     # Floats are enough to exclude zeros of most polynomials.
-    rough = _bernstein([float(c / size) for c in scaled])
+    rough = _bernstein_coefficients([float(c / size) for c in scaled])
     if min(rough) > 1e-12 or max(rough) < -1e-12:
         return []
-    marks = _brackets(_bernstein(scaled), 0 * end, 1 + 0 * end, equations.tiny * 1e-3)
-    return [_polished(equations, scaled, *ends) * end for ends in marks]
+    brackets = _bracket_roots(_bernstein_coefficients(scaled), 0 * end, 1 + 0 * end, equations.tolerance * 1e-3)
+    return [_refine_root(equations, scaled, *bracket) * end for bracket in brackets]
 
 
-def _bernstein(curve):
+def _bernstein_coefficients(curve):
     """Return the Bernstein coefficients of a polynomial on (0, 1)."""
     values = [c / math.comb(len(curve) - 1, k) for k, c in enumerate(curve)]
     for k in range(1, len(curve)):
@@ -173,7 +173,7 @@ def _bernstein(curve):
     return values
 
 
-def _brackets(values, low, high, least):
+def _bracket_roots(values, low, high, least):
     """Yield an interval (low, high) around each zero of odd order.
 
     `values` are Bernstein coefficients on the interval, whose sign changes bound the number of
@@ -183,22 +183,22 @@ def _brackets(values, low, high, least):
     if changes == 1:
         yield low, high
     elif changes and high - low > least:
-        rows, middle = [values], (low + high) / 2
+        rows, midpoint = [values], (low + high) / 2
         while len(rows[-1]) > 1:
             rows.append([(a + b) / 2 for a, b in pairwise(rows[-1])])
-        yield from _brackets([row[0] for row in rows], low, middle, least)
-        yield from _brackets([row[-1] for row in rows[::-1]], middle, high, least)
+        yield from _bracket_roots([row[0] for row in rows], low, midpoint, least)
+        yield from _bracket_roots([row[-1] for row in rows[::-1]], midpoint, high, least)
 
 
-def _polished(equations, curve, low, high):
+def _refine_root(equations, curve, low, high):
     """Return the zero between two bounds by Newton's method, safeguarded by bisection."""
-    slope, rises, t = slope_of(curve), equations.value(curve, low) <= 0, (low + high) / 2
+    slope, rises, t = derivative_of(curve), equations.value(curve, low) <= 0, (low + high) / 2
     for _ in range(200):
         value, rate = equations.value(curve, t), equations.value(slope, t)
         low, high = (low, t) if (value > 0) == rises else (t, high)
         new = t - value / rate if rate else low
         new = new if low <= new <= high else (low + high) / 2
-        if abs(new - t) <= equations.tiny * 3e-3 * high:
+        if abs(new - t) <= equations.tolerance * 3e-3 * high:
             break
         t = new
     return new

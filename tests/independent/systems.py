@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 
 from tests.independent import program
-from tests.independent.equations import Equations, Piece, System, exact, harmonics, mean_stiffness
+from tests.independent.equations import Equations, TimeInterval, System, exact, harmonics, mean_stiffness
 from tests.independent.trains import Train
 
 
@@ -79,26 +79,26 @@ def _one_degree(model, tuning, context):
     pair, none = model.get("pair", model), {"cosines": [], "sines": []}
     mean, m, load = mean_stiffness(pair), pair["reduced_mass"], pair["load"]
     units = load / mean, tuning * context.sqrt(mean / m), mean
-    waves = (model.get(name, none) for name in ("excitation", "deviation"))
-    system = _one_coordinate(context, units, m, load, *waves)
-    course = _course_of_pair(system, pair, model.get("profile", {"kind": "Rectangular"}))
+    harmonic_terms = (model.get(name, none) for name in ("excitation", "deviation"))
+    system = _one_coordinate(context, units, m, load, *harmonic_terms)
+    profile = _profile_of_pair(system, pair, model.get("profile", {"kind": "Rectangular"}))
     names = ("quadratic_damping", "cubic_damping")
-    material = [pair["material_damping"], *(model.get(name, 0) for name in names)]
-    film = [pair["backlash_damping"], *(model.get(f"backlash_{name}", 0) for name in names)]
-    drive = {"row": system.unit(0), "course": course, "material": material}
+    material_damping = [pair["material_damping"], *(model.get(name, 0) for name in names)]
+    oil_damping = [pair["backlash_damping"], *(model.get(f"backlash_{name}", 0) for name in names)]
+    drive = {"row": system.unit(0), "profile": profile, "material_damping": material_damping}
     coast = context.isfinite(pair["backlash"]) and drive | {"constant": pair["backlash"]}
-    powers = model.get("quadratic_stiffness", 0), model.get("cubic_stiffness", 0)
-    system.add_contact([drive, coast], film, powers=powers)
+    nonlinear_stiffness = model.get("quadratic_stiffness", 0), model.get("cubic_stiffness", 0)
+    system.add_contact([drive, coast], oil_damping, nonlinear_stiffness=nonlinear_stiffness)
     return system
 
 
-def _course_of_pair(system, pair, shape):
-    """Return the stiffness ``course`` of a pair: rectangular, truncated Fourier series or table.
+def _profile_of_pair(system, pair, shape):
+    """Return the stiffness ``profile`` of a pair: rectangular, truncated Fourier series or table.
 
     `shape` is the description of the profile. A table is scaled to the mean stiffness of the pair.
     """
     if shape["kind"] == "Rectangular":
-        return system.rectangular_course(pair)
+        return system.rectangular_profile(pair)
     pi, mean = system.context.pi, mean_stiffness(pair)
     if shape["kind"] == "Fourier":
         fourier_terms = []
@@ -106,38 +106,38 @@ def _course_of_pair(system, pair, shape):
             sine_factor = system.context.sin(n * pi * (pair["contact_ratio"] - 2)) * (-1) ** n
             amplitude = 2 * pair["max_stiffness"] * (1 - pair["stiffness_ratio"]) / (pi * n)
             fourier_terms.append((n, amplitude * sine_factor, 0))
-        return system.course([0 * pi], [(mean, 0)], fourier_terms)
+        return system.profile([0 * pi], [(mean, 0)], fourier_terms)
     intervals = list(zip(shape["phase"], shape["stiffness"], strict=True))
     intervals = list(pairwise([*intervals, (intervals[0][0] + 2 * pi, intervals[0][1])]))
     scale = mean * 4 * pi / sum((u - t) * (a + b) for (t, a), (u, b) in intervals)
-    lines = [(a * scale, (b - a) / (u - t) * scale) for (t, a), (u, b) in intervals]
-    return system.course(shape["phase"], lines)
+    segments = [(a * scale, (b - a) / (u - t) * scale) for (t, a), (u, b) in intervals]
+    return system.profile(shape["phase"], segments)
 
 
 def _oscillator(model, tuning, context):
     """Return the system of x'' + d x' + e x + P(x, t) = F + waves + f'' with unequal sides."""
-    one, waves = context.mpf(1), (model["forcing"], model["deviation"])
-    system = _one_coordinate(context, (one, tuning, one), one, model["load"], *waves)
+    one, harmonic_terms = context.mpf(1), (model["forcing"], model["deviation"])
+    system = _one_coordinate(context, (one, tuning, one), one, model["load"], *harmonic_terms)
     system.spring(system.unit(0), model["ground_stiffness"])
 
     def side(name):
         """Return the contact side at the "upper" or "lower" edge."""
-        law, waves = model[f"{name}_stiffness"], []
-        breaks, values = [0 * one], [law]
+        law, harmonic_terms = model[f"{name}_stiffness"], []
+        breakpoints, values = [0 * one], [law]
         if isinstance(law, dict) and law["kind"] == "Steps":
-            breaks, values = law["phase"], law["stiffness"]
+            breakpoints, values = law["phase"], law["stiffness"]
         elif isinstance(law, dict):
-            values, waves = [law["mean"]], harmonics(law["harmonics"])
+            values, harmonic_terms = [law["mean"]], harmonics(law["harmonics"])
         return {
             "row": system.unit(0),
-            "course": system.course(breaks, [(value, 0) for value in values], waves),
-            "material": [model[f"{name}_damping"], 0, 0],
+            "profile": system.profile(breakpoints, [(value, 0) for value in values], harmonic_terms),
+            "material_damping": [model[f"{name}_damping"], 0, 0],
             "constant": -model[f"{name}_edge"],
         }
 
     sides = [side("upper"), context.isfinite(model["lower_edge"]) and side("lower")]
     # Displacements are measured from 0, but distances from the edge.
-    system.add_contact(sides, [model["damping"], 0, 0], zero=-model["upper_edge"])
+    system.add_contact(sides, [model["damping"], 0, 0], displacement_origin=-model["upper_edge"])
     return system
 
 
@@ -151,7 +151,7 @@ def _six_degrees(model, tuning, context):
     system, mean = System(context, 2 + len(free)), mean_stiffness(pair)
     system.length, system.force = pair["load"] / mean, mean
     system.speed = tuning * context.sqrt(mean / pair["reduced_mass"])
-    coast, across = system.unit(0) + system.unit(1), system.zeros(system.n)
+    coast, friction_row = system.unit(0) + system.unit(1), system.zeros(system.n)
     drive = coast
     for j, (inertia, r) in enumerate(zip(model["inertias"], model["base_radii"], strict=True)):
         system.inertia(system.unit(j), inertia / r**2)
@@ -160,22 +160,22 @@ def _six_degrees(model, tuning, context):
         gear, sign = i // 2, 1 - 2 * (i // 2)
         system.inertia(row, model["masses"][gear])
         system.spring(row, model["bearing_stiffness"][i], model["bearing_damping"][i])
-        drive, across = drive + sign * (1 - i % 2) * row, across + sign * (i % 2) * row
+        drive, friction_row = drive + sign * (1 - i % 2) * row, friction_row + sign * (i % 2) * row
     (e3, e2), (z3, z2), delta = model["eccentricities"], model["teeth"], model["run_out_phase"]
     # e3 sin(phi3) - e2 sin(Delta - phi2)
     run_out = [(context.mpf(1) / z3, 0, e3)] if e3 else []
     if e2:
         run_out.append((context.mpf(1) / z2, -e2 * context.sin(delta), e2 * context.cos(delta)))
     moving, friction = model["moving_backlash"], model["friction"]
-    laws = {"course": system.rectangular_course(pair), "material": [pair["material_damping"], 0, 0]}
-    laws["turns"] = model["pitch_phase"] / (2 * context.pi)
-    waves = run_out + harmonics(model["deviation"])
-    sides = [laws | {"row": drive, "waves": waves, "friction": friction[0]}]
+    laws = {"profile": system.rectangular_profile(pair), "material_damping": [pair["material_damping"], 0, 0]}
+    laws["sliding_reversal"] = model["pitch_phase"] / (2 * context.pi)
+    harmonic_terms = run_out + harmonics(model["deviation"])
+    sides = [laws | {"row": drive, "harmonic_terms": harmonic_terms, "friction": friction[0]}]
     if context.isfinite(pair["backlash"]):
-        waves = ([] if moving else run_out) + harmonics(model["coast_deviation"])
-        laws |= {"waves": waves, "friction": friction[1], "constant": pair["backlash"]}
+        harmonic_terms = ([] if moving else run_out) + harmonics(model["coast_deviation"])
+        laws |= {"harmonic_terms": harmonic_terms, "friction": friction[1], "constant": pair["backlash"]}
         sides.append(laws | {"row": coast if moving else drive})
-    system.add_contact(sides, [pair["backlash_damping"], 0, 0], across=across)
+    system.add_contact(sides, [pair["backlash_damping"], 0, 0], friction_row=friction_row)
     return system
 
 
@@ -198,7 +198,7 @@ def _from_mesh(system, model, state):
     mobility[:2] = [r**2 / j for r, j in zip(model["base_radii"], model["inertias"], strict=True)]
     share, drive = mobility / sum(mobility), system.contacts[0]["sides"][0]
     q += share * (state[0] * system.length - system.distance(drive, q, 0))
-    v += share * (state[1] * system.length - sum(f * b for f, _, b in drive["waves"]))
+    v += share * (state[1] * system.length - sum(f * b for f, _, b in drive["harmonic_terms"]))
     return (np.concatenate([q, v]) / system.length).tolist()
 
 
@@ -211,7 +211,7 @@ class RunUp:
 
     def __init__(self, model, speed, load, turn, push, context=mpmath.fp):
         self.system = system_of(model, 1.0, context)
-        self.equations, self.pieces = Equations(self.system), []
+        self.equations, self.intervals = Equations(self.system), []
         number, omega, phase = context.mpf, self.system.speed, context.mpf(0)
         push = [number(x) / self.system.length for x in push]
         speeds = [(number(t) * omega, number(v) * turn / omega) for t, v in speed]
@@ -220,12 +220,12 @@ class RunUp:
         for begin, end in pairwise(marks):
             (v, w), (a, b), span = _ends(speeds, begin, end), _ends(loads, begin, end), end - begin
             slopes = {"acceleration": (w - v) / span, "slope": (b - a) / span}
-            self.pieces.append(Piece(begin, end, phase, v, load=a, push=push, **slopes))
+            self.intervals.append(TimeInterval(begin, end, phase, v, load=a, push=push, **slopes))
             phase += (v + w) / 2 * span
 
-    def cuts(self, piece):
+    def switch_times(self, interval):
         """Return the times, in units, at which stiffness or sliding changes, and the last one."""
-        return program.cuts_of(self.equations, piece)
+        return program.find_switch_times(self.equations, interval)
 
     def move(self, q, v, times):
         """Return (displacements, events) of the motion from coordinates `q`, m, and rates `v`, m/s.
@@ -235,7 +235,7 @@ class RunUp:
         """
         length, omega = self.system.length, self.system.speed
         state, thetas = np.array([*q, *v]) / length, [omega * t for t in np.array(times).tolist()]
-        motion = program.Motion(self.equations, self.pieces, state, sample_times=thetas)
+        motion = program.Motion(self.equations, self.intervals, state, sample_times=thetas)
         moved = np.array([row[1] for row in motion.record.samples]) * length
         return moved, [(event.phase / omega, *event[1:4]) for event in motion.events]
 

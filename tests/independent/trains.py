@@ -52,7 +52,7 @@ def _pinion_drives(mesh, speeds):
 
 
 class Train(System):
-    """The system of a described train; `still` is (stiffness, load) with the carrier at rest."""
+    """The system of a described train; `stiffness_and_load_at_rest` is (stiffness, load) with the carrier at rest."""
 
     def __init__(self, model, tuning, context):
         self.model, self.bodies = model, {body["name"]: body for body in model["bodies"]}
@@ -69,7 +69,7 @@ class Train(System):
             self.add_shaft(shaft)
         for mesh in model["meshes"]:
             self.add_mesh(mesh)
-        self.still = self.stiffness, self.load
+        self.stiffness_and_load_at_rest = self.stiffness, self.load
         self.set_units(tuning)
         if model["gyroscopic"]:
             self.add_rotating_frame_forces()
@@ -93,36 +93,36 @@ class Train(System):
             for axis, stiffness, pin in rows
         ]
 
-    def turn(self, body):
+    def frame_rotation(self, body):
         """Return e^(i angle) for the angle of the frame of a body."""
         return self.context.expj(body["angle"] if body["carrier"] else 0)
 
-    def fixed(self, name):
+    def centre_rows(self, name):
         """Return the rows of the centre of a body along x and y of the common frame."""
-        (x, y), turn = self.axes(self.bodies[name]), self.turn(self.bodies[name])
-        return turn.real * x - turn.imag * y, turn.imag * x + turn.real * y
+        (x, y), rotation = self.axes(self.bodies[name]), self.frame_rotation(self.bodies[name])
+        return rotation.real * x - rotation.imag * y, rotation.imag * x + rotation.real * y
 
     def add_bodies(self):
         """Add inertias, supports and torques of all bodies."""
         for name, body in self.bodies.items():
-            r, turn = body["base_radius"], self.row(name, "u")
+            r, rotation = body["base_radius"], self.row(name, "u")
             rows = zip(self.axes(body), self.pin(body), strict=True)
             springs = zip(body["support_stiffness"], body["support_damping"], strict=True)
             for (row, pin), spring in zip(rows, springs, strict=True):
                 self.inertia(row, body["mass"] or 0)
                 if self.context.isfinite(spring[0]):
                     self.spring(row - pin, *spring)
-            self.inertia(turn, body["inertia"] / r**2)
+            self.inertia(rotation, body["inertia"] / r**2)
             if self.context.isfinite(body["torsional_stiffness"]):
-                self.spring(turn / r, body["torsional_stiffness"], body["torsional_damping"])
-            self.load = self.load + turn * (body["torque"] / r)
+                self.spring(rotation / r, body["torsional_stiffness"], body["torsional_damping"])
+            self.load = self.load + rotation * (body["torque"] / r)
 
     def add_shaft(self, shaft):
         """Add the torsion and bending springs of a shaft between two bodies."""
         a, b = shaft["bodies"]
         twist = [self.row(name, "u") / self.bodies[name]["base_radius"] for name in (a, b)]
         self.spring(twist[0] - twist[1], shaft["stiffness"], shaft["damping"])
-        for x, y in zip(self.fixed(a), self.fixed(b), strict=True):
+        for x, y in zip(self.centre_rows(a), self.centre_rows(b), strict=True):
             self.spring(x - y, shaft["bending_stiffness"], shaft["bending_damping"])
 
     def add_rotating_frame_forces(self):
@@ -134,16 +134,16 @@ class Train(System):
             # The constant force m w^2 r keeps the direction of the carrier's radius, so that motion
             # across this radius, relative to the carrier, changes its components.
             relative = y - self.row(body["carrier"], "u")
-            pulled = np.outer(x, x) + np.outer(relative, relative)
+            centrifugal_stiffness = np.outer(x, x) + np.outer(relative, relative)
             self.damping = self.damping - 2 * m * w * (np.outer(x, y) - np.outer(y, x))
-            self.stiffness = self.stiffness - m * w**2 * pulled
+            self.stiffness = self.stiffness - m * w**2 * centrifugal_stiffness
             if body["carrier"]:
                 radius = self.bodies[body["carrier"]]["base_radius"]
                 self.load = self.load + m * w**2 * radius * x
             else:
                 self.stiffness += w * (cy * np.outer(y, x) - cx * np.outer(x, y))
 
-    def line(self, mesh):
+    def line_of_action(self, mesh):
         """Return the direction of the line of action as a complex number of modulus 1.
 
         With the angle psi of the line of centres and the pressure angle a it is +-i e^(i(psi -+
@@ -159,15 +159,15 @@ class Train(System):
         """Add a mesh with stiffness, deviations, friction and backlash of both flanks."""
         context, name, pinion = self.context, mesh["name"], mesh["pinion"]
         # An end is (body, sign of its motion along the line of action, sign of its rotation).
-        ends = (pinion, 1, 1), (mesh["wheel"], -1, 1)
-        ends = ((mesh["wheel"], 1, 1), (pinion, -1, -1)) if mesh["internal"] else ends
-        first, second = (self.speeds[end[0]] for end in ends)
-        # At a vector w from the pitch point the first gear slides on the second by (W1 - W2) k x w;
+        gear_ends = (pinion, 1, 1), (mesh["wheel"], -1, 1)
+        gear_ends = ((mesh["wheel"], 1, 1), (pinion, -1, -1)) if mesh["internal"] else gear_ends
+        first, second = (self.speeds[end[0]] for end in gear_ends)
+        # At a vector w from the pitch point the first gear sliding_sense on the second by (W1 - W2) k x w;
         # along the line of action contact moves as the base circle of the first gear does.
-        leads = 1 if mesh["direction"] * first > 0 else -1
-        slides = leads * (1 if first > second else -1)
-        across, *distances = self.distances(mesh, ends)
-        rate = self.context.mpf(abs(self.speeds[pinion]) * self.bodies[pinion]["teeth"])
+        drive_sense = 1 if mesh["direction"] * first > 0 else -1
+        sliding_sense = drive_sense * (1 if first > second else -1)
+        friction_row, *distances = self.distances(mesh, gear_ends)
+        frequency_ratio = self.context.mpf(abs(self.speeds[pinion]) * self.bodies[pinion]["teeth"])
         shifts = self.model["phases"][name], self.model["coast_phases"][name]
         pitch = mesh["pitch_phase"] / (2 * context.pi)
         pitch = shifts[0] + (pitch if _pinion_drives(mesh, self.speeds) else -pitch)
@@ -175,53 +175,53 @@ class Train(System):
         # space of its mate; the pitch point is passed in the middle of both.
         thickness = mesh["tooth_thickness"] or [context.mpf(1) / 2] * 2
         thickness = thickness[::-1] if mesh["internal"] else thickness
-        pitches = pitch, pitch + leads * (thickness[0] + 1 - thickness[1]) / 2
+        pitches = pitch, pitch + drive_sense * (thickness[0] + 1 - thickness[1]) / 2
         sides = []
         for i, deviation in enumerate(("deviation", "coast_deviation")):
-            row, constant, waves = distances[i == 1 and mesh["moving_backlash"]]
+            row, constant, harmonic_terms = distances[i == 1 and mesh["moving_backlash"]]
             for n, a, b in harmonics(mesh[deviation]):
                 # Harmonics of both sides are referred to the phase of the drive side.
                 z = (a + b * context.j) * context.expj(2 * context.pi * n * shifts[0])
-                waves = [*waves, (n * rate, z.real, z.imag)]
+                harmonic_terms = [*harmonic_terms, (n * frequency_ratio, z.real, z.imag)]
             # Friction opposes sliding. On the coast side the elastic force has the opposite sign.
-            laws = {"friction": (1 - 2 * i) * mesh["friction"][i], "turns": pitches[i]}
-            laws |= {"row": row, "course": self.rectangular_course(mesh, shifts[i])}
-            laws |= {"constant": constant + (mesh["backlash"] if i else 0), "waves": waves}
-            sides.append(laws | {"material": [mesh["material_damping"], 0, 0]})
+            side_fields = {"friction": (1 - 2 * i) * mesh["friction"][i], "sliding_reversal": pitches[i]}
+            side_fields |= {"row": row, "profile": self.rectangular_profile(mesh, shifts[i])}
+            side_fields |= {"constant": constant + (mesh["backlash"] if i else 0), "harmonic_terms": harmonic_terms}
+            sides.append(side_fields | {"material_damping": [mesh["material_damping"], 0, 0]})
         if not context.isfinite(mesh["backlash"]):
             sides.pop()
-        film = [mesh["backlash_damping"], 0, 0]
-        self.add_contact(sides, film, rate=rate, across=across * slides)
+        oil_damping = [mesh["backlash_damping"], 0, 0]
+        self.add_contact(sides, oil_damping, frequency_ratio=frequency_ratio, friction_row=friction_row * sliding_sense)
 
-    def distances(self, mesh, ends):
+    def distances(self, mesh, gear_ends):
         """Return the row of friction of a mesh and two distances (row, constant, waves of run-out).
 
         The first distance includes all displacements. The second, for a moving backlash, Eq. (4),
-        omits bearings, run-out and offsets. `ends` are those of `add_mesh`.
+        omits bearings, run-out and offsets. `gear_ends` are those of `add_mesh`.
         """
-        row, across, turning_row = self.zeros(3, self.n)
+        row, friction_row, rigid_row = self.zeros(3, self.n)
         constant, run_out = mesh["error"], []
-        for name, sign, turn in ends:
+        for name, sign, rotation_sign in gear_ends:
             body = self.bodies[name]
             # This is the line of action in the frame of the body.
-            line = sign * self.line(mesh) / self.turn(body)
-            turning = mesh["direction"] * turn * self.row(name, "u")
+            line = sign * self.line_of_action(mesh) / self.frame_rotation(body)
+            rotation = mesh["direction"] * rotation_sign * self.row(name, "u")
             x, y = self.axes(body)
-            row += line.real * x + line.imag * y + turning
-            across += line.real * y - line.imag * x
+            row += line.real * x + line.imag * y + rotation
+            friction_row += line.real * y - line.imag * x
             x, y = self.pin(body)
-            turning_row += line.real * x + line.imag * y + turning
+            rigid_row += line.real * x + line.imag * y + rotation
             x, y = body["offset"]
             constant += line.real * x + line.imag * y
             # Run-out moves the centre by e (cos, sin)(speed tau + phase).
             if body["eccentricity"]:
                 z = line * body["eccentricity"] * self.context.expj(-body["eccentricity_phase"])
                 run_out.append((self.context.mpf(self.speeds[name]), z.real, z.imag))
-        return across, (row, constant, run_out), (turning_row, mesh["error"], [])
+        return friction_row, (row, constant, run_out), (rigid_row, mesh["error"], [])
 
     def modes(self):
         """Return (squared frequencies, shapes as columns, stiffness) at mean stiffness, at rest."""
-        context, (stiffness, _) = self.context, self.still
+        context, (stiffness, _) = self.context, self.stiffness_and_load_at_rest
         for gears, mesh in zip(self.contacts, self.model["meshes"], strict=True):
             row = gears["sides"][0]["row"]
             stiffness = stiffness + mean_stiffness(mesh) * np.outer(row, row)
@@ -242,15 +242,15 @@ class Train(System):
         squares, shapes, _ = self.modes()
         elastic = abs(squares) > 1e-9 * max(squares)
         squares, shapes = squares[elastic], shapes[:, elastic]
-        line = self.contacts[model["meshes"].index(self.reference)]["sides"][0]["row"]
+        reference_row = self.contacts[model["meshes"].index(self.reference)]["sides"][0]["row"]
         self.force = mean_stiffness(self.reference)
-        parts = (line @ shapes) * (self.load @ shapes) / squares
-        is_loaded = abs(sum(parts)) > 1e-9 * sum(abs(parts))
-        self.length = abs(sum(parts)) if is_loaded else context.mpf("1e-6")
+        modal_displacements = (reference_row @ shapes) * (self.load @ shapes) / squares
+        is_loaded = abs(sum(modal_displacements)) > 1e-9 * sum(abs(modal_displacements))
+        self.length = abs(sum(modal_displacements)) if is_loaded else context.mpf("1e-6")
         if model["reference_frequency"] is not None:
             self.speed = tuning * 2 * context.pi * model["reference_frequency"]
             return
-        share = self.force * (line @ shapes) ** 2 / squares
+        share = self.force * (reference_row @ shapes) ** 2 / squares
         # Modes of equal frequency count as one, and the first one wins if energies are equal.
         energy = [sum(share[abs(squares - square) < 1e-6 * square]) for square in squares]
         strongest = next(

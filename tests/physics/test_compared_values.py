@@ -28,7 +28,7 @@ def test_statistics_of_an_orbit_match_the_independent_program_in_50_digits():
         nu = mp.mpf(speed) * mp.pi * pair["teeth"] / 30 / system_of(pair, 1.0, mp).speed
         orbit_state, _ = differences.orbit_of(pair, nu, period=1, guess=state)
         system = system_of(pair, nu, mp)
-        table = differences.columns(pair, nu, periods=1, state=orbit_state)
+        table = differences.compute_variables(pair, nu, periods=1, state=orbit_state)
         # The second code has displacements in static deflections and forces in units of the load.
         scale = {"displacement": system.length, "dynamic": system.length * system.force}
         for name in observation.STATISTICS:

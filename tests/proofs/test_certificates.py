@@ -15,7 +15,7 @@ import pytest
 
 import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
-from tests.independent.certificates import faults
+from tests.independent.certificates import find_contradictions
 from tests.independent.systems import describe
 from tests.paper import PAPER_PAIR
 from tests.proofs.claims import MATERIAL, STOP, assert_wrong_candidates_are_refused, claim_of
@@ -23,12 +23,12 @@ from tests.proofs.claims import MATERIAL, STOP, assert_wrong_candidates_are_refu
 COUNT = int(os.environ.get("GEARLIB_CERTIFICATES", "40"))
 
 
-def faults_of(certificate):
+def contradictions_of(certificate):
     """Return the parts of a certificate, as JSON, that an orbit in 50 digits contradicts."""
     claim = claim_of(certificate)
     if not isinstance(certificate.model, gearlib.GearPair):
         claim["model"] = describe(certificate.model)
-    return faults(claim)
+    return find_contradictions(claim)
 
 
 def pair(**ratios):
@@ -85,7 +85,7 @@ def test_orbit_is_proven_and_confirmed_in_50_digits(case):
     model, tuning, guess, period, stability = CASES[case]
     orbit = gearlib.periodic_orbit(model, tuning, guess=guess, period=period)
     proven = gearlib.certify(orbit)
-    assert faults_of(proven) == []
+    assert contradictions_of(proven) == []
     assert proven.pattern == orbit.pattern and stability in (proven.stability, None)
     # The residual of the candidate is 1e-12, and no case is close to a fold.
     assert abs(float(proven.displacement) - orbit.state[0]) < 1e-9
@@ -160,7 +160,7 @@ def test_random_orbits_are_proven_and_wrong_candidates_refused(seed):
         return
     assert proven.stability == "undecided" or (proven.stability == "stable") == orbit.stable
     if seed % 4 == 0:
-        assert faults_of(proven) == []
+        assert contradictions_of(proven) == []
     shift = rng.normal(size=2)
     shift *= 10.0 ** rng.uniform(-7.0, -1.0) / np.abs(shift * [1.0, orbit.tuning]).max()
     assert_wrong_candidates_are_refused(orbit, shift)

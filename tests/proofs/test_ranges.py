@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gearlib
-from tests.independent.certificates import faults
+from tests.independent.certificates import find_contradictions
 from tests.paper import PAPER_PAIR
 from tests.proofs.claims import MATERIAL, claim_of
 
@@ -79,7 +79,7 @@ def test_orbits_in_50_digits_lie_in_the_proven_range(pair, start, to, stability)
     # Only the last two pieces are checked, to save time.
     pieces = claim["pieces"][-2:]
     last = {"start": pieces[0]["start"], "stop": pieces[-1]["stop"], "pieces": pieces}
-    assert faults(claim | last) == []
+    assert find_contradictions(claim | last) == []
 
 
 def test_a_range_of_a_train_is_proven():

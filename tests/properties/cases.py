@@ -19,8 +19,8 @@ from gearlib import (
 )
 from gearlib.models.profiles import Steps
 from tests.geometry.stages import fzg_c, gears_of_20_teeth
-from tests.independent.equations import Piece
-from tests.independent.program import first_codes
+from tests.independent.equations import TimeInterval
+from tests.independent.program import initial_contact_states
 from tests.independent.series import Step
 from tests.independent.systems import describe, equations_of
 from tests.trains.random_trains import chain_with_everything, random_problem, symmetric_problem
@@ -34,134 +34,146 @@ class Case(NamedTuple):
     state: tuple
 
 
-def between(low, high):
-    """Return a strategy of numbers within two bounds, without subnormal numbers."""
+def floats_between(low, high):
+    """Return a strategy of floats between two bounds, without subnormal numbers."""
     return st.floats(low, high, allow_subnormal=False)
 
 
-def logarithmic(low, high):
-    """Return a strategy of numbers that are uniform on a logarithmic scale between two bounds."""
-    return between(math.log10(low), math.log10(high)).map(lambda power: 10.0**power)
+def log_uniform(low, high):
+    """Return a strategy of numbers between two bounds on a logarithmic scale."""
+    return floats_between(math.log10(low), math.log10(high)).map(lambda power: 10.0**power)
 
 
-TUNINGS = logarithmic(0.3, 2.5)
-STATES = st.tuples(between(-3.0, 4.0), between(-2.0, 2.0))
+TUNINGS = log_uniform(0.3, 2.5)
+STATES = st.tuples(floats_between(-3.0, 4.0), floats_between(-2.0, 2.0))
 
 
 @st.composite
-def pairs(draw):
+def gear_pairs(draw):
     """Draw a `GearPair` in SI units."""
-    mass, stiffness, load = draw(logarithmic(0.1, 20)), draw(logarithmic(1e7, 1e9)), 3000.0
-    damping_unit = 2.0 * math.sqrt(mass * stiffness)
+    mass = draw(log_uniform(0.1, 20))  # kg
+    stiffness = draw(log_uniform(1e7, 1e9))  # N/m
+    load = 3000.0  # N
+    critical_damping = 2.0 * math.sqrt(mass * stiffness)
     return GearPair(
         max_stiffness=stiffness,
-        # At the ratio 1 there is no lower level, and next to 1 rounding decides which one is lower.
-        stiffness_ratio=draw(between(0.3, 1.0 - 1e-9)),
-        contact_ratio=draw(between(1.0, 2.0)),
+        # At a ratio of 1 both stiffness levels are equal, and rounding decides which one is lower.
+        stiffness_ratio=draw(floats_between(0.3, 1.0 - 1e-9)),
+        contact_ratio=draw(floats_between(1.0, 2.0)),
         reduced_mass=mass,
         load=load,
-        backlash=draw(st.just(math.inf) | between(0.2, 6.0)) * load / stiffness,
-        material_damping=draw(between(0.0, 0.1)) * damping_unit,
-        backlash_damping=draw(between(0.0, 0.1)) * damping_unit,
+        backlash=draw(st.just(math.inf) | floats_between(0.2, 6.0)) * load / stiffness,
+        material_damping=draw(floats_between(0.0, 0.1)) * critical_damping,
+        backlash_damping=draw(floats_between(0.0, 0.1)) * critical_damping,
     )
 
 
 @st.composite
-def waves(draw, largest_amplitude):
-    """Draw `Harmonics` of one to three cosines and sines with amplitudes up to `size`."""
-    values = st.lists(between(-largest_amplitude, largest_amplitude), min_size=1, max_size=3)
+def random_harmonics(draw, largest_amplitude):
+    """Draw `Harmonics` with one to three cosines and sines up to `largest_amplitude`."""
+    values = st.lists(floats_between(-largest_amplitude, largest_amplitude), min_size=1, max_size=3)
     return Harmonics(tuple(draw(values)), tuple(draw(values)))
 
 
 @st.composite
 def nonlinear_pairs(draw):
     """Draw a `OneDegreePair` with all terms of Eq. (3)."""
-    pair = draw(pairs())
-    deflection, speed = pair.static_deflection, pair.static_deflection * pair.mean_eigenfrequency
-    damping_unit = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
-    small_ratio = between(0.0, 0.05)
+    pair = draw(gear_pairs())
+    deflection = pair.static_deflection
+    speed = deflection * pair.mean_eigenfrequency
+    critical_damping = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
+    small_ratio = floats_between(0.0, 0.05)
     return OneDegreePair(
         pair=pair,
-        quadratic_damping=draw(small_ratio) * damping_unit / speed,
-        cubic_damping=draw(small_ratio) * damping_unit / speed**2,
-        backlash_quadratic_damping=draw(small_ratio) * damping_unit / speed,
-        backlash_cubic_damping=draw(small_ratio) * damping_unit / speed**2,
+        quadratic_damping=draw(small_ratio) * critical_damping / speed,
+        cubic_damping=draw(small_ratio) * critical_damping / speed**2,
+        backlash_quadratic_damping=draw(small_ratio) * critical_damping / speed,
+        backlash_cubic_damping=draw(small_ratio) * critical_damping / speed**2,
         quadratic_stiffness=draw(small_ratio) / deflection,
         cubic_stiffness=draw(small_ratio) / deflection**2,
         profile=draw(st.sampled_from([gearlib.Rectangular(), Fourier(5)])),
-        excitation=draw(waves(0.3 * pair.load)),
-        deviation=draw(waves(0.2 * deflection)),
+        excitation=draw(random_harmonics(0.3 * pair.load)),
+        deviation=draw(random_harmonics(0.2 * deflection)),
     )
 
 
 @st.composite
 def oscillators(draw):
     """Draw a `DeadZoneOscillator` whose two sides differ."""
-    phases = sorted(set(draw(st.lists(between(0.01, 6.2), min_size=1, max_size=3))))
-    stiffness = [draw(between(0.5, 5.0)) for _ in phases]
+    step_phases = sorted(set(draw(st.lists(floats_between(0.01, 6.2), min_size=1, max_size=3))))
+    stiffness_levels = [draw(floats_between(0.5, 5.0)) for _ in step_phases]
     return DeadZoneOscillator(
-        upper_edge=draw(between(-1.0, 1.0)),
-        lower_edge=draw(between(-4.0, -1.0)),
-        upper_stiffness=Steps(tuple(phases), tuple(stiffness)),
-        lower_stiffness=draw(between(0.5, 5.0)),
-        damping=draw(between(0.0, 0.2)),
-        upper_damping=draw(between(0.0, 0.2)),
-        lower_damping=draw(between(0.0, 0.2)),
-        ground_stiffness=draw(between(0.0, 0.5)),
-        load=draw(between(-1.0, 1.0)),
-        forcing=draw(waves(0.5)),
-        deviation=draw(waves(0.1)),
+        upper_edge=draw(floats_between(-1.0, 1.0)),
+        lower_edge=draw(floats_between(-4.0, -1.0)),
+        upper_stiffness=Steps(tuple(step_phases), tuple(stiffness_levels)),
+        lower_stiffness=draw(floats_between(0.5, 5.0)),
+        damping=draw(floats_between(0.0, 0.2)),
+        upper_damping=draw(floats_between(0.0, 0.2)),
+        lower_damping=draw(floats_between(0.0, 0.2)),
+        ground_stiffness=draw(floats_between(0.0, 0.5)),
+        load=draw(floats_between(-1.0, 1.0)),
+        forcing=draw(random_harmonics(0.5)),
+        deviation=draw(random_harmonics(0.1)),
     )
 
 
 @st.composite
-def six_degrees(draw, rigid=False):
-    """Draw a `SixDegreePair` with run-out, deviations and friction; `rigid` allows rigid axes."""
-    pair = draw(pairs())
+def six_degree_pairs(draw, allow_rigid_bearings=False):
+    """Draw a `SixDegreePair` with run-out, deviations and friction.
+
+    If `allow_rigid_bearings`, one bearing in six is rigid on average.
+    """
+    pair = draw(gear_pairs())
     pair = pair.replace(backlash=max(pair.backlash, 2.0 * pair.static_deflection))
-    deflection, radius = pair.static_deflection, draw(between(0.03, 0.2))
+    deflection, radius = pair.static_deflection, draw(floats_between(0.03, 0.2))
     teeth = draw(st.sampled_from([(4, 6), (3, 3), (6, 3)]))
     radii = radius, radius * teeth[1] / teeth[0]
-    factor = draw(between(1.0, 3.0))
-    masses = tuple(pair.reduced_mass * f for f in (4.0 * factor, 5.0))
-    bearings = pair.mean_stiffness * draw(between(0.05, 3.0))
+    inertia_ratio = draw(floats_between(1.0, 3.0))
+    masses = 4.0 * inertia_ratio * pair.reduced_mass, 5.0 * pair.reduced_mass
+    bearing_stiffness = pair.mean_stiffness * draw(floats_between(0.05, 3.0))
     return SixDegreePair(
         pair=pair,
         base_radii=radii,
         inertias=tuple(
-            2.0 * pair.reduced_mass * f * r**2 for f, r in zip((1.0, factor), radii, strict=True)
+            2.0 * pair.reduced_mass * ratio * r**2
+            for ratio, r in zip((1.0, inertia_ratio), radii, strict=True)
         ),
         masses=masses,
         bearing_stiffness=tuple(
-            math.inf if rigid and draw(st.integers(0, 5)) == 0 else share * bearings
-            for share in (1.0, 0.8, 1.2, 1.0)
+            math.inf
+            if allow_rigid_bearings and draw(st.integers(0, 5)) == 0
+            else r * bearing_stiffness
+            for r in (1.0, 0.8, 1.2, 1.0)
         ),
-        bearing_damping=(0.02 * math.sqrt(bearings * masses[0]),) * 4,
-        eccentricities=tuple(draw(between(0.0, 0.2)) * deflection for _ in range(2)),
-        run_out_phase=draw(between(0.0, 6.0)),
+        bearing_damping=(0.02 * math.sqrt(bearing_stiffness * masses[0]),) * 4,
+        eccentricities=tuple(draw(floats_between(0.0, 0.2)) * deflection for _ in range(2)),
+        run_out_phase=draw(floats_between(0.0, 6.0)),
         teeth=teeth,
-        deviation=draw(waves(0.1 * deflection)),
-        coast_deviation=draw(waves(0.1 * deflection)),
-        friction=(draw(between(0.0, 0.1)), draw(between(0.0, 0.1))),
-        pitch_phase=draw(between(0.0, 6.0)),
+        deviation=draw(random_harmonics(0.1 * deflection)),
+        coast_deviation=draw(random_harmonics(0.1 * deflection)),
+        friction=(draw(floats_between(0.0, 0.1)), draw(floats_between(0.0, 0.1))),
+        pitch_phase=draw(floats_between(0.0, 6.0)),
         moving_backlash=draw(st.booleans()),
     )
 
 
 @st.composite
-def tooth_pairs(draw):
+def load_sharing_pairs(draw):
     """Draw a `LoadSharingPair` of gears given by their geometry."""
     stage = draw(st.sampled_from([fzg_c, gears_of_20_teeth]))()
     return LoadSharingPair.from_geometry(
-        stage, torque=draw(between(50.0, 500.0)), damping_ratio=draw(between(0.0, 0.1))
+        stage,
+        torque=draw(floats_between(50.0, 500.0)),
+        damping_ratio=draw(floats_between(0.0, 0.1)),
     )
 
 
 @st.composite
-def trains(draw):
-    """Draw the `Case` of a chain, a planetary train or a reducer."""
+def train_cases(draw):
+    """Draw the `Case` of a random train: a chain, a planetary train or a reducer."""
     seed = draw(st.integers(0, 2**32 - 1))
     rng = np.random.default_rng(seed)
+    # One train in four is a chain that has every feature of a mesh.
     if seed % 4:
         model, tuning, state = random_problem(rng)
     else:
@@ -171,26 +183,26 @@ def trains(draw):
     return Case(model, tuning, tuple(state.tolist()))
 
 
-def _cases(models, states=STATES):
-    """Return a strategy of cases with models, tunings and initial states."""
+def _case_strategy(models, states=STATES):
+    """Return a strategy that draws a `Case` from strategies of models and initial states."""
     return st.builds(Case, models, TUNINGS, states)
 
 
-CASES = {
-    "gear pair": _cases(pairs()),
-    "one degree": _cases(nonlinear_pairs()),
-    "oscillator": _cases(oscillators()),
-    "pairs of teeth": _cases(tooth_pairs()),
-    "six degrees": _cases(six_degrees(rigid=True)),
-    "train": trains(),
+CASE_STRATEGIES = {
+    "gear pair": _case_strategy(gear_pairs()),
+    "one degree": _case_strategy(nonlinear_pairs()),
+    "oscillator": _case_strategy(oscillators()),
+    "pairs of teeth": _case_strategy(load_sharing_pairs()),
+    "six degrees": _case_strategy(six_degree_pairs(allow_rigid_bearings=True)),
+    "train": train_cases(),
 }
 
 
-def random_trains_case(seed):
-    """Return the random `Case` of a seed, by its remainder modulo 4.
+def random_train_case(seed):
+    """Return the random `Case` of a train for a seed, whose kind depends on `seed % 4`.
 
-    It is ordinary for 0, has coast sides that move with supports for 1, starts near a grazing for
-    2, and has coinciding events for 3.
+    0: no special feature. 1: the backlash varies with the support motion, and coast sides come into
+    contact. 2: the motion starts close to a grazing. 3: contact events coincide.
     """
     rng = np.random.default_rng(seed)
     if seed % 4 == 3:
@@ -200,45 +212,50 @@ def random_trains_case(seed):
         if seed % 4 == 2:
             state = grazing_start(rng, model, tuning, state)
         if seed % 4 == 1:
-            # The backlash is small, so that coast sides touch, but supports do not close it.
-            flanks = {"moving_backlash": True, "backlash": 1.5 * model.static_deflection}
-            model = model.replace(meshes=[replace(mesh, **flanks) for mesh in model.meshes])
+            # The backlash is small enough for coast-side contact, but too large for the support
+            # motion to close it.
+            mesh_changes = {"moving_backlash": True, "backlash": 1.5 * model.static_deflection}
+            model = model.replace(meshes=[replace(mesh, **mesh_changes) for mesh in model.meshes])
     scale = np.repeat([1.0, tuning], model.size // 2)
     return Case(model, tuning, tuple((state / scale).tolist()))
 
 
 def state_grazing_at_phase(equations, phase, contact, depth, q, v):
-    """Return a start whose motion has a minimum of a drive-side distance, `depth`, at `phase`.
+    """Return an initial state from which a drive-side distance has the minimum `depth` at `phase`.
 
-    At this phase the other coordinates are near (q, v), in units, and the motion is followed back
-    to phase 0. The result is None if the distance has no minimum there.
+    The dimensionless displacements q and velocities v at `phase` are shifted so that the distance
+    is `depth` and its rate is zero. The motion is then integrated back to phase 0. The result is
+    None if the distance has a maximum instead of a minimum at `phase`.
     """
-    instant, side = Piece(phase, phase, phase, 1.0), equations.contacts[contact].drive
-    row = np.zeros(q.size)
-    for i, x in side.row:
-        row[i] = x
-    q = q + row * (depth - equations.distance(side, q, phase)) / (row @ row)
-    v = v - row * equations.distance(side, v, phase, order=1) / (row @ row)
+    # The interval has no length: it only gives the phase at which the motion is expanded.
+    instant = TimeInterval(phase, phase, phase, 1.0)
+    side = equations.contacts[contact].drive
+    gradient = np.zeros(q.size)
+    for i, coefficient in side.row:
+        gradient[i] = coefficient
+    squared_norm = gradient @ gradient
+    q = q + gradient * (depth - equations.distance(side, q, phase)) / squared_norm
+    v = v - gradient * equations.distance(side, v, phase, order=1) / squared_norm
     state, t = [*q.tolist(), *v.tolist()], phase
-    codes, _ = first_codes(equations, instant, state, phase)
-    codes[contact] = 1
-    *_, curvature = Step(equations, instant, t, state, codes, phase).curves[side][:3]
+    contact_states, _ = initial_contact_states(equations, instant, state, phase)
+    contact_states[contact] = 1
+    *_, curvature = Step(equations, instant, t, state, contact_states, phase).curves[side][:3]
     if curvature <= 0:
         return None
     while t > 0:
-        # The phase in the middle decides on stiffness and friction.
+        # Stiffness and friction are taken at the middle of the interval.
         middle = phase / 2
-        step = Step(equations, instant, t, state, codes, middle)
-        h = step.length(t)
-        state, t = step.at(-h), t - h
+        step = Step(equations, instant, t, state, contact_states, middle)
+        step_length = step.length(t)
+        state, t = step.state_at(-step_length), t - step_length
     return state
 
 
 def grazing_start(rng, train, tuning, state):
-    """Return an initial state of a train that nearly grazes a flank line.
+    """Return an initial state from which a mesh of a train nearly grazes its flank line.
 
-    The distance of a mesh has an extremum 1e-10 to 1e-5 off its flank line. `state` is the centre
-    of the random states that are tried.
+    The smallest distance of the mesh from the line is 1e-10 to 1e-5 static deflections on either
+    side. Random states around `state` are tried until one has such a minimum.
     """
     equations, n = equations_of(describe(train), tuning), train.size // 2
     phase = 0.5 * min(train.segments.starts[1], 0.2)
@@ -250,4 +267,4 @@ def grazing_start(rng, train, tuning, state):
         grazing_state = state_grazing_at_phase(equations, phase, mesh_index, depth, q, v)
         if grazing_state is not None:
             return grazing_state * np.repeat([1.0, tuning], n)
-    raise ValueError("no distance turns upwards")
+    raise ValueError("none of 100 random states has a minimum of a mesh distance")

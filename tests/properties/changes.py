@@ -1,4 +1,4 @@
-"""Equivalent descriptions of a machine: in other units, mirrored, renamed or exchanged."""
+"""Equivalent descriptions of a machine: other units, mirror image, other names or order."""
 
 import dataclasses
 import math
@@ -10,27 +10,34 @@ from gearlib.parameters import declared_parameters
 
 REGISTRY = pint.UnitRegistry()
 #: Field -> unit of its `Harmonics`; other fields declare theirs.
-HARMONICS = dict.fromkeys(("deviation", "coast_deviation", "transmission_error"), "m")
-HARMONICS["excitation"] = "N"
+HARMONICS_UNITS = dict.fromkeys(("deviation", "coast_deviation", "transmission_error"), "m")
+HARMONICS_UNITS["excitation"] = "N"
 
 
 def unit_factor(unit, length, mass, time):
-    """Return the value of a unit in units of length, mass and time that are smaller by factors."""
+    """Return the factor by which the number of a quantity grows in smaller base units.
+
+    `unit` is the SI unit of the quantity; the new units of length, mass and time are smaller than
+    metre, kilogram and second by the factors `length`, `mass` and `time`.
+    """
     scales = {"[length]": length, "[mass]": mass, "[time]": time}
     dimensions = REGISTRY.Unit(unit).dimensionality
     return math.prod(scales[name] ** power for name, power in dimensions.items())
 
 
 def in_units(value, length=1.0, mass=1.0, time=1.0):
-    """Return a model with values in units that are smaller by the factors length, mass and time."""
+    """Return a model (or a part of one) in base units that are smaller by the given factors.
+
+    Every dimensional field is multiplied by its `unit_factor`, so that the machine is the same.
+    """
     changes, declared = {}, declared_parameters(type(value))
     for name in declared.keys() | {"pair"} & vars(value).keys():
         field_value = getattr(value, name)
         unit = declared[name].unit if name in declared else ""
         if isinstance(field_value, Harmonics):
-            unit = HARMONICS[name]
+            unit = HARMONICS_UNITS[name]
         if unit and field_value is not None:
-            changes[name] = _times(field_value, unit_factor(unit, length, mass, time))
+            changes[name] = _scale(field_value, unit_factor(unit, length, mass, time))
         elif isinstance(field_value, GearPair):
             changes[name] = in_units(field_value, length, mass, time)
         elif (
@@ -42,20 +49,20 @@ def in_units(value, length=1.0, mass=1.0, time=1.0):
     return dataclasses.replace(value, **changes)
 
 
-def _times(value, factor):
+def _scale(value, factor):
     """Return a number, sequence or `Harmonics` multiplied by a factor."""
     if isinstance(value, Harmonics):
-        return Harmonics(_times(value.cosines, factor), _times(value.sines, factor))
+        return Harmonics(_scale(value.cosines, factor), _scale(value.sines, factor))
     if isinstance(value, (tuple, list)):
         return tuple(number * factor for number in value)
     return value * factor
 
 
-def mirrored(train):
-    """Return the mirror image of a train along x, which turns in the opposite direction.
+def mirror(train):
+    """Return the mirror image of a train in the x axis, and a function that maps coordinates.
 
-    The second result maps a coordinate (body, axis) of the train to (coordinate of the image,
-    sign), as for the other changes of trains below.
+    The function takes a coordinate (body, axis) of the train and returns the corresponding
+    coordinate of the image and its sign. The image rotates in the opposite direction.
     """
     bodies = [
         dataclasses.replace(
@@ -70,24 +77,27 @@ def mirrored(train):
     meshes = [
         dataclasses.replace(
             mesh,
-            position=_negative(mesh.position),
-            line_of_action=_negative(mesh.line_of_action),
+            position=_negate(mesh.position),
+            line_of_action=_negate(mesh.line_of_action),
             direction=-mesh.direction,
         )
         for mesh in train.meshes
     ]
-    shafts = [dataclasses.replace(shaft, keying=_negative(shaft.keying)) for shaft in train.shafts]
+    shafts = [dataclasses.replace(shaft, keying=_negate(shaft.keying)) for shaft in train.shafts]
     image = train.replace(bodies=bodies, meshes=meshes, shafts=shafts)
     return image, lambda key: (key, 1.0 if key[1] == "x" else -1.0)
 
 
-def _negative(angle):
-    """Return an angle with its sign changed, or None if it is None."""
+def _negate(angle):
+    """Return minus the angle, or None if the angle is None."""
     return None if angle is None else -angle
 
 
-def renamed(train):
-    """Return a train with other names and its elements in reverse order."""
+def rename_elements(train):
+    """Return a train with new names and its elements in reverse order, and a coordinate map.
+
+    The coordinate map is explained in `mirror`.
+    """
     new_names = {body.name: f"body {len(train.bodies) - i}" for i, body in enumerate(train.bodies)}
     bodies = [
         dataclasses.replace(body, name=new_names[body.name], carrier=new_names.get(body.carrier))
@@ -107,7 +117,7 @@ def renamed(train):
         dataclasses.replace(
             shaft,
             bodies=tuple(new_names[name] for name in reversed(shaft.bodies)),
-            keying=_negative(shaft.keying),
+            keying=_negate(shaft.keying),
         )
         for shaft in reversed(train.shafts)
     ]
@@ -117,11 +127,14 @@ def renamed(train):
     return renamed_train, lambda key: ((new_names[key[0]], key[1]), 1.0)
 
 
-def exchanged(train):
-    """Return a train in which pinion and wheel of each external mesh are exchanged."""
+def exchange_pinions_and_wheels(train):
+    """Return a train with pinion and wheel of each external mesh exchanged, and a coordinate map.
+
+    The coordinate map is explained in `mirror`.
+    """
 
     def exchange_pinion_and_wheel(mesh):
-        """Return an external mesh with pinion and wheel exchanged, an internal one as it is."""
+        """Return an external mesh with pinion and wheel exchanged; keep an internal mesh."""
         if mesh.internal:
             return mesh
         assert mesh.line_of_action is None

@@ -26,11 +26,13 @@ TRAINS = {
     "turning": gearlib.planetary(**TURNING),
     "two stages": gearlib.two_stage(PAPER_PAIR.replace(material_damping=3e3)),
 }
-SIX = gears_on_bearings(5e8, material_damping=4.5e3, backlash_damping=300.0, moving_backlash=False)
+SIX_DEGREE_PAIR = gears_on_bearings(
+    5e8, material_damping=4.5e3, backlash_damping=300.0, moving_backlash=False
+)
 
 
-def with_equal_flanks(train):
-    """Return a train without errors whose coast sides have the stiffness phases of drive sides."""
+def equalize_flanks(train):
+    """Return a train whose coast sides have the phase of the drive sides, without mesh errors."""
     meshes = [
         replace(mesh, phase=train.phases[mesh.name], coast_phase=train.phases[mesh.name], error=0.0)
         for mesh in train.meshes
@@ -38,87 +40,100 @@ def with_equal_flanks(train):
     return train.replace(meshes=meshes)
 
 
-def reversed_loads(model):
+def reverse_loads(model):
     """Return a model with all torques reversed."""
-    if model.mesh_names:
+    is_train = bool(model.mesh_names)
+    if is_train:
         bodies = [replace(body, torque=-body.torque) for body in model.bodies]
         return model.replace(bodies=bodies)
     return model.replace(torques=tuple(-torque for torque in model.torques))
 
 
-MODELS = {name: with_equal_flanks(train) for name, train in TRAINS.items()} | {"six degrees": SIX}
+MODELS = {name: equalize_flanks(train) for name, train in TRAINS.items()} | {
+    "six degrees": SIX_DEGREE_PAIR
+}
 
 
-#: At these tunings contact is lost, except in the chain, whose motions would be chaotic.
+#: Tunings at which contact is lost, except in the chain, whose motions would be chaotic there.
 TUNINGS = {"chain": 0.5, "planetary": 1.0, "turning": 1.0, "two stages": 0.5, "six degrees": 1.3}
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_reversed_loads_have_the_same_duty_point_on_the_coast_side(name):
-    """Forces must change their sign only, and all absolute quantities must stay."""
+    """Reversing the load must only change the sign of forces, because both flanks are equal."""
     model = MODELS[name]
     speed = float(model.speed(TUNINGS[name]))
-    drive, coast = duty_point(model, speed), duty_point(reversed_loads(model), speed)
-    assert drive.settled == 1 and np.isfinite(drive.peak_force_ratio).all()
-    assert (drive.contact_loss_fraction.max() > 0.05) == (name != "chain")
+    original, reversed_result = duty_point(model, speed), duty_point(reverse_loads(model), speed)
+    assert original.settled == 1 and np.isfinite(original.peak_force_ratio).all()
+    # The comparison includes motions with contact loss, except for the chain.
+    assert (original.contact_loss_fraction.max() > 0.05) == (name != "chain")
     variables = ["peak_force_ratio", "error_peak_to_peak", "contact_loss_fraction"]
     # Rigid bearings report no forces, and pins of a turning carrier also bear centrifugal forces.
     variables += ["bearing_force_max"] if name in ("planetary", "six degrees") else []
+    # Rounding errors differ, because -x - backlash is rounded.
     for variable in variables:
-        expected, scale = drive[variable].values, np.abs(drive[variable].values).max()
-        np.testing.assert_allclose(coast[variable], expected, rtol=1e-7, atol=1e-9 * scale)
-    np.testing.assert_allclose(coast.static_force, -drive.static_force, rtol=1e-9)
-    np.testing.assert_allclose(coast.mesh_force_min, -drive.mesh_force_max, rtol=1e-7)
+        expected = original[variable].values
+        atol = 1e-9 * np.abs(expected).max()
+        np.testing.assert_allclose(reversed_result[variable], expected, rtol=1e-7, atol=atol)
+    np.testing.assert_allclose(reversed_result.static_force, -original.static_force, rtol=1e-9)
+    np.testing.assert_allclose(reversed_result.mesh_force_min, -original.mesh_force_max, rtol=1e-7)
 
 
 @pytest.mark.parametrize("name", ["chain", "six degrees"])
 def test_reversed_loads_have_the_same_main_resonance(name):
-    """A reversed load must give the resonance speeds of the original, by mirror symmetry."""
+    """Reversing the load must not change the speeds of onset and jump, because flanks are equal."""
     quantities = ("onset", "jump_up")
-    drive = main_resonance(MODELS[name], quantities)
-    coast = main_resonance(reversed_loads(MODELS[name]), quantities)
-    assert np.isfinite(drive.onset) and not coast.failed
-    assert coast.onset == pytest.approx(drive.onset, rel=1e-9)
-    assert coast.jump_up == pytest.approx(drive.jump_up, rel=1e-9, nan_ok=True)
+    original = main_resonance(MODELS[name], quantities)
+    reversed_result = main_resonance(reverse_loads(MODELS[name]), quantities)
+    assert np.isfinite(original.onset) and not reversed_result.failed
+    assert reversed_result.onset == pytest.approx(original.onset, rel=1e-9)
+    # NaN means that neither model has a jump.
+    assert reversed_result.jump_up == pytest.approx(original.jump_up, rel=1e-9, nan_ok=True)
 
 
-def test_reversed_loads_have_the_same_quantities_of_designs():
-    """Quantities of designs must not change if the load is reversed, by mirror symmetry."""
+def test_reversed_loads_give_the_same_design_quantities():
+    """Reversing the load must not change design quantities, because both flanks are equal."""
     names = ("peak_force_ratio", "force", "transmission_error", "contact_margin")
-    for model in (MODELS["chain"], SIX):
+    for model in (MODELS["chain"], SIX_DEGREE_PAIR):
         speed = float(model.speed(0.6))
-        drive = DesignQuantities(model, names, speed=speed).nominal
-        coast = DesignQuantities(reversed_loads(model), names, speed=speed).nominal
-        np.testing.assert_allclose(coast, drive, rtol=1e-7)
+        original = DesignQuantities(model, names, speed=speed).nominal
+        reversed_result = DesignQuantities(reverse_loads(model), names, speed=speed).nominal
+        np.testing.assert_allclose(reversed_result, original, rtol=1e-7)
 
 
 def test_tongues_and_phasing_use_the_phases_of_loaded_coast_sides():
-    """Reversed loads must give the results of a train whose flanks have exchanged phases."""
-    train = with_equal_flanks(gearlib.idler(PAPER_PAIR.replace(material_damping=100.0)))
-    shift = {"phase": 0.1, "coast_phase": 0.35}
-    meshes = [train.meshes[0], replace(train.meshes[1], **shift)]
-    exchanged = [train.meshes[0], replace(meshes[1], phase=0.35, coast_phase=0.1)]
-    coast, drive = reversed_loads(train.replace(meshes=meshes)), train.replace(meshes=exchanged)
+    """Under a reversed load, the coast-side phase must act as the drive-side phase did before."""
+    train = equalize_flanks(gearlib.idler(PAPER_PAIR.replace(material_damping=100.0)))
+    first_mesh, second_mesh = train.meshes
+    phases = replace(second_mesh, phase=0.1, coast_phase=0.35)
+    exchanged_phases = replace(second_mesh, phase=0.35, coast_phase=0.1)
+    coast_side_train = reverse_loads(train.replace(meshes=[first_mesh, phases]))
+    drive_side_train = train.replace(meshes=[first_mesh, exchanged_phases])
     np.testing.assert_allclose(
-        coast.phasing().modal_force, drive.phasing().modal_force, rtol=1e-9, atol=1e-30
+        coast_side_train.phasing().modal_force,
+        drive_side_train.phasing().modal_force,
+        rtol=1e-9,
+        atol=1e-30,
     )
-    widths = [
-        gearlib.tongues(train_model, start=0.9, stop=2.2, step=0.02)
-        for train_model in (coast, drive)
-    ]
-    assert widths[0].sizes["tongue"] > 0
-    np.testing.assert_allclose(widths[0].tuning_from, widths[1].tuning_from, rtol=1e-9)
+    coast_side_tongues, drive_side_tongues = (
+        gearlib.tongues(loaded_train, start=0.9, stop=2.2, step=0.02)
+        for loaded_train in (coast_side_train, drive_side_train)
+    )
+    assert coast_side_tongues.sizes["tongue"] > 0
+    np.testing.assert_allclose(
+        coast_side_tongues.tuning_from, drive_side_tongues.tuning_from, rtol=1e-9
+    )
 
 
-def test_a_run_up_on_the_coast_side_reports_its_largest_forces():
-    """Largest forces on coast sides, also in the plot, must equal the ones on drive sides."""
+def test_run_up_with_reversed_loads_reports_and_plots_the_same_largest_forces():
+    """Largest absolute forces on coast sides must equal those on drive sides of equal flanks."""
     train = MODELS["planetary"]
-    # The speed is nearly constant, because inertia forces of a fast run-up would load the drive
-    # side
-    # in both trains.
-    drive = gearlib.run_up(train, 2000.0, 2000.0001, duration=0.1)
-    coast = gearlib.run_up(reversed_loads(train), 2000.0, 2000.0001, duration=0.1)
-    expected = drive.dynamic_force_max.values
-    np.testing.assert_allclose(largest_force(coast), expected, rtol=1e-6)
-    (line, *_) = plot.run_up(coast).lines
-    assert np.nanmax(line.get_ydata()) == pytest.approx(expected[:, 0].max(), rel=1e-6)
+    # The speed (rpm) is nearly constant, because the inertia forces of a fast run-up would load the
+    # drive sides of both trains.
+    start_speed, end_speed = 2000.0, 2000.0001
+    original = gearlib.run_up(train, start_speed, end_speed, duration=0.1)
+    reversed_result = gearlib.run_up(reverse_loads(train), start_speed, end_speed, duration=0.1)
+    expected = original.dynamic_force_max.values
+    np.testing.assert_allclose(largest_force(reversed_result), expected, rtol=1e-6)
+    first_curve = plot.run_up(reversed_result).lines[0]
+    assert np.nanmax(first_curve.get_ydata()) == pytest.approx(expected[:, 0].max(), rel=1e-6)

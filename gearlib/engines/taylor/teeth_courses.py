@@ -80,10 +80,23 @@ class CoursePropagator(teeth.Propagator):
         samples = np.zeros((periods * samples_per_period, orbit.SAMPLE_COLUMNS))
         summaries = np.empty((system.summary_blocks[-1] + 1, orbit.SUMMARY_COLUMNS))
         events = np.empty((_FIRST_EVENT_ROWS, orbit.EVENT_COLUMNS))
-        tables = samples, events, max_events, summaries, np.empty((0, 2, 2))
-        *state[:], _, events, event_count, status, _ = teeth.run_tooth_pairs(
-            system, TO_BERNSTEIN, *state, periods, periods, *tables, 0
+        no_period_maps, first_period, record_periods = np.empty((0, 2, 2)), 0, periods
+        x, v = state
+        x, v, _, events, event_count, status, _ = teeth.run_tooth_pairs(
+            system,
+            TO_BERNSTEIN,
+            x,
+            v,
+            periods,
+            record_periods,
+            samples,
+            events,
+            max_events,
+            summaries,
+            no_period_maps,
+            first_period,
         )
+        state[:] = x, v
         events = events[: event_count if status == OK else 0]
         interval, time = events[:, orbit.EVENT_PERIOD].astype(int), events[:, orbit.EVENT_PHASE]
         changes = events[:, orbit.EVENT_FROM :]
