@@ -421,7 +421,7 @@ def category_codes(label: str, column: Any) -> np.ndarray:
 
 
 def seconds_since_first(label: str, column: Any) -> tuple[np.ndarray, str]:
-    """Convert a column of dates to seconds since the earliest date; return (seconds, earliest date).
+    """Convert a column of dates to seconds since the earliest date; return (seconds, that date).
 
     `column` is a pandas categorical array of strings in ISO 8601 format, which is also the
     format of the returned date; `label` names the column in messages. Raise ValueError if a string
