@@ -36,9 +36,9 @@ class Accuracy(NamedTuple):
     train: float = 1e-9
 
 
-#: heyoka is exact up to rounding. The methods of scipy have an error of 1e-12 per step; its sum over
-#: all steps and the interpolation of events increase it by a factor of 1000, and the kink of |x'| x'
-#: by another factor of 10.
+#: heyoka is exact up to rounding. The methods of scipy have an error of 1e-12 per step; the
+#: sum over all steps and the interpolation of events increase it by a factor of 1000, and the kink
+#: of |x'| x' by another factor of 10.
 METHODS = {"scipy": Accuracy(SCIPY_WITH_EVENTS, 1e-8, 1e-8), "heyoka": Accuracy({}, 1e-12, 1e-11)}
 PAIR_IN_OIL = PAPER_PAIR.replace(material_damping=3953.7, backlash_damping=3953.7)
 COAST_SIDE_LINE = -PAIR_IN_OIL.backlash_ratio
@@ -143,7 +143,7 @@ def test_a_sweep_matches_its_single_runs(model, method, options):
                 np.testing.assert_allclose(
                     sweep_row[name], single_run[name], rtol=1e-13, err_msg=name
                 )
-        # A single run continues until it has settled; a sweep of few periods may find no period (0).
+        # A single run continues until it has settled. A sweep may not find a period and then has 0.
         assert sweep_row.period in (0, single_run.period)
 
 

@@ -140,7 +140,7 @@ def summary_bounds(model, run, periods, sample_error):
 
 @pytest.mark.parametrize(("name", "method", "options"), CASES)
 def test_summary_follows_from_samples_and_events(name, method, options):
-    """Each summary variable must lie in the bounds that dense samples and events of its run give."""
+    """Each summary variable must lie within bounds from dense samples and the events."""
     model, tuning, state, periods = MODELS[name]
     recorded_periods = periods - 1
     run_options = {"periods": periods, "record_periods": recorded_periods}

@@ -69,51 +69,73 @@ RUN = g.simulate(DAMPED, 0.9, periods=24, record_periods=24)
 SPREAD, FREE = {"load": {"std": "1 %"}}, {"reduced_mass": (3.0, 3.2)}
 JUMP = xr.Dataset({"jump_up": ((), 3300.0, {"units": "min-1", "noise_std": 1.0})})
 #: Values that no parameter accepts: other types, nested and unhashable values, other tables.
-TAKEN_BY_NONE = [object(), 1j, {"a": []}, [["a"]], np.array([["a"], [1]]), xr.Dataset({"a": 1})]
+VALUES_OF_WRONG_TYPES = [
+    object(),
+    1j,
+    {"a": []},
+    [["a"]],
+    np.array([["a"], [1]]),
+    xr.Dataset({"a": 1}),
+]
 NAMES = PUBLIC_OBJECTS | vars(math) | vars(known_models) | globals()
 
 
 def set_at_path(content, path, value):
-    """Set a value at a path such as `scenes.k1.cases[0].tuning` in place; None removes the key."""
-    # Keys are separated by dots and indices are in brackets. A key that is a number is a path
-    # itself.
-    parts = re.findall(r"([^.[\]]+)(?!\])|\[(\d+)\]", path) if isinstance(path, str) else []
-    *parents, key = [int(index) if index else name for name, index in parts] or [path]
-    for part in parents:
-        content = content[part] if isinstance(part, int) else content.setdefault(part, {})
-    content.pop(key) if value is None else content.__setitem__(key, value)
+    """Set a value at a path such as `scenes.k1.cases[0].tuning` in place; None deletes the key."""
+    if isinstance(path, str):
+        # Keys are separated by dots, and indices are in brackets.
+        parts = re.findall(r"([^.[\]]+)(?!\])|\[(\d+)\]", path)
+        *parents, key = [int(index) if index else name for name, index in parts]
+    else:  # a number is a key of the whole content
+        parents, key = [], path
+    for parent in parents:
+        content = content[parent] if isinstance(parent, int) else content.setdefault(parent, {})
+    if value is None:
+        del content[key]
+    else:
+        content[key] = value
 
 
-def pairs(base):
-    """Return (change, sentence) of each row of a base."""
-    return [row.split(" | ") for row in ROWS[base].splitlines()]
+def changes_and_sentences(section):
+    """Return (change or call, sentence) for each row of a section of `combinations.yaml`."""
+    return [row.split(" | ") for row in ROWS[section].splitlines()]
 
 
-def undeclared(call):
-    """Parse a call and return (function, arguments, names of undeclared arguments)."""
+def parse_undeclared_arguments(call):
+    """Parse a call and return (function, arguments, names of undeclared arguments).
+
+    An argument is undeclared if no annotation states its type and range.
+    """
     tree = ast.parse(call, mode="eval").body
     function = eval(ast.unparse(tree.func), NAMES)  # noqa: S307
-    values = [eval(ast.unparse(x), NAMES) for x in tree.args]  # noqa: S307
-    named = {x.arg: eval(ast.unparse(x.value), NAMES) for x in tree.keywords}  # noqa: S307
-    arguments = dict(zip(inspect.signature(function).parameters, values, strict=False)) | named
+    values = [eval(ast.unparse(node), NAMES) for node in tree.args]  # noqa: S307
+    arguments = dict(zip(inspect.signature(function).parameters, values, strict=False))
+    for keyword in tree.keywords:
+        arguments[keyword.arg] = eval(ast.unparse(keyword.value), NAMES)  # noqa: S307
     declared = declared_parameters(getattr(function, "func", function))
     return function, arguments, [name for name in arguments if name not in declared]
 
 
-@pytest.mark.parametrize(("base", "change", "sentence"), [(x, *y) for x in FILES for y in pairs(x)])
+@pytest.mark.parametrize(
+    ("base", "change", "sentence"),
+    [(base, *row) for base in FILES for row in changes_and_sentences(base)],
+)
 def test_inconsistent_files_are_refused_in_one_sentence(base, change, sentence):
-    # A copy by JSON shares no object between two places.
+    """Each change of a valid configuration must be refused with the sentence of its row."""
+    # A copy by JSON shares no object between two keys.
     content, changes = json.loads(json.dumps(FILES[base])), yaml.safe_load(change)
     for path, value in changes.items() if isinstance(changes, dict) else [(changes, None)]:
         set_at_path(content, path, value)
     with pytest.raises(ValueError) as refusal:
         load(content)
-    key = f"{path} " if sentence.startswith(("= ", "is ")) else ""
-    assert_sentence(refusal.value, key + sentence)
+    # Sentences that start with "=" or "is" are preceded by the path of the key.
+    if sentence.startswith(("= ", "is ")):
+        sentence = f"{path} {sentence}"
+    assert_sentence(refusal.value, sentence)
 
 
-@pytest.mark.parametrize(("call", "sentence"), pairs("library"))
-def test_impossible_models_and_calls_are_refused_in_one_sentence(call, sentence):
+@pytest.mark.parametrize(("call", "sentence"), changes_and_sentences("library"))
+def test_inconsistent_calls_are_refused_in_one_sentence(call, sentence):
     with pytest.raises(ValueError) as refusal:
         eval(call, NAMES)  # noqa: S307
     assert_sentence(refusal.value, sentence)
@@ -121,13 +143,15 @@ def test_impossible_models_and_calls_are_refused_in_one_sentence(call, sentence)
 
 @pytest.mark.parametrize("call", ROWS["undeclared"].splitlines())
 def test_values_of_a_wrong_type_are_refused_with_the_parameter_name(call):
-    function, given, names = undeclared(call)
+    """Values that no parameter accepts must be refused, so that none causes an obscure error."""
+    function, arguments, names = parse_undeclared_arguments(call)
     assert names
-    for name, value in product(names, TAKEN_BY_NONE):
+    for name, value in product(names, VALUES_OF_WRONG_TYPES):
         with pytest.raises(ValueError, match="not allowed") as refusal:
-            function(**given | {name: value})
-        # Options are named by their key, such as "a" in {"a": []}.
-        assert name in str(refusal.value) or str(refusal.value).startswith("a "), refusal.value
+            function(**arguments | {name: value})
+        # The value {"a": []} may be taken for options, and is then refused by its key.
+        message = str(refusal.value)
+        assert name in message or message.startswith("a "), message
 
 
 @pytest.mark.parametrize("call", ROWS["allowed"].splitlines())

@@ -1,6 +1,6 @@
-"""A walk over the parameters of the library and the keys of files: just outside, just inside.
+"""Check values just inside and just outside the range of each parameter and configuration key.
 
-What is allowed is said by the annotation, see `tests.declarations`.
+The ranges follow from annotations, see `tests.declarations`.
 """
 
 import inspect
@@ -27,25 +27,30 @@ from tests.declarations import (
 )
 
 
-def refusals_of_call(call, needed, name, value):
-    """Return the sentences that refuse a value of a parameter, in a list."""
+def refusals_of_call(function, required_arguments, name, value):
+    """Return a list of the sentences with which a call refuses a value of a parameter."""
     try:
-        # Functions check declared parameters before they report missing ones.
+        # A function checks the given arguments before it reports missing ones by a TypeError.
         with suppress(TypeError):
-            call(**needed | {name: value})
+            function(**required_arguments | {name: value})
     except ValueError as error:
         return [str(error)]
     return []
 
 
-def refusals_of_file(place, content, *changes):
-    """Return the sentences that refuse a file with given content, of which one key is changed."""
-    changed = content | dict([changes] if changes else [])
-    root, file = place({key: value for key, value in changed.items() if value is not None})
+def refusals_of_file(insert_section, section, key, value):
+    """Return the sentences with which a file is refused if a key of a section is changed.
+
+    `insert_section` returns the type of the file and its content with the section. The value None
+    removes the key.
+    """
+    changed_section = {k: v for k, v in (section | {key: value}).items() if v is not None}
+    root, file = insert_section(changed_section)
     try:
         if root is Description:
             Description.model_validate(file)
-        else:  # gears take the place of a gear pair
+        else:
+            # A configuration has either gears or a gear pair.
             load({k: v for k, v in file.items() if k != "gear_pair" or "gears" not in file})
     except ValidationError as error:
         return validation.error_messages(error, Description, file)
@@ -55,70 +60,86 @@ def refusals_of_file(place, content, *changes):
 
 
 SECTIONS = {
-    str(p.split_annotation(annotation)[0]): (path, annotation, place)
+    str(p.split_annotation(annotation)[0]): (path, annotation, insert_section)
     for root in (Description, Config)
-    for path, annotation, place in iterate_sections(root, lambda value, root=root: (root, value))
+    for path, annotation, insert_section in iterate_sections(
+        root, lambda value, root=root: (root, value)
+    )
 }
 CASES = []
-for path, section, place in SECTIONS.values():
+for path, section, insert_section in SECTIONS.values():
     for key, child in child_annotations(section).items():
         if (path, key) != (("profile",), "kind"):
-            refusals = partial(refusals_of_file, place, example_value(section), key)
-            CASES.append((child, p.format_path((*path, key)), refusals, validation.format_value))
-for call in sorted(DECLARED_CALLABLES, key=lambda call: call.__qualname__):
-    declared = p.declared_parameters(call)
-    required = {} if inspect.isroutine(call) else declared
-    needed = {k: example_value(x.annotation) for k, x in required.items() if x.default is p.MISSING}
-    for name, x in declared.items():
-        CASES.append((x.annotation, name, partial(refusals_of_call, call, needed, name), repr))
-IDS = [f"{place} {i}" for i, (_, place, *_) in enumerate(CASES)]
-cases = pytest.mark.parametrize(("annotation", "place", "refusals", "text_of"), CASES, ids=IDS)
+            refusals_of = partial(refusals_of_file, insert_section, example_value(section), key)
+            CASES.append((child, p.format_path((*path, key)), refusals_of, validation.format_value))
+for function in sorted(DECLARED_CALLABLES, key=lambda function: function.__qualname__):
+    declared = p.declared_parameters(function)
+    # Declared classes check all fields at once, so that the required ones must be given.
+    required = {} if inspect.isroutine(function) else declared
+    required_arguments = {
+        name: example_value(parameter.annotation)
+        for name, parameter in required.items()
+        if parameter.default is p.MISSING
+    }
+    for name, parameter in declared.items():
+        refusals_of = partial(refusals_of_call, function, required_arguments, name)
+        CASES.append((parameter.annotation, name, refusals_of, repr))
+IDS = [f"{name} {i}" for i, (_, name, *_) in enumerate(CASES)]
+for_each_parameter = pytest.mark.parametrize(
+    ("annotation", "name", "refusals_of", "format_value"), CASES, ids=IDS
+)
 
 
-@cases
-def test_each_wrong_value_is_refused_in_one_sentence(annotation, place, refusals, text_of):
-    for value, index, problem in invalid_values(annotation, text_of):
-        (text,) = refusals(value)
-        pattern = rf"{re.escape(place + index)}( of \w+ \w+)? {re.escape(problem)}"
-        assert re.match(pattern, text) and "\n" not in text and len(text) < 1200, (text, problem)
+@for_each_parameter
+def test_each_wrong_value_is_refused_in_one_sentence(annotation, name, refusals_of, format_value):
+    """Values just outside the declared range must be refused by the name and the allowed range."""
+    for value, index, problem in invalid_values(annotation, format_value):
+        (sentence,) = refusals_of(value)
+        pattern = rf"{re.escape(name + index)}( of \w+ \w+)? {re.escape(problem)}"
+        assert re.match(pattern, sentence), (sentence, problem)
+        assert "\n" not in sentence and len(sentence) < 1200, sentence
 
 
-@cases
-def test_values_just_inside_a_range_are_not_refused_for_it(annotation, place, refusals, text_of):
-    words = p.describe_requirement(annotation, text_of is validation.format_value).rpartition(
-        "each "
-    )[2]
-    for value in values_within_range(annotation, text_of is validation.format_value):
-        # Other refusals are allowed, because values of several parameters may be inconsistent.
-        pattern = rf"{re.escape(place)}\S* = .* must be {re.escape(words)}"
-        assert not [text for text in refusals(value) if re.match(pattern, text)]
+@for_each_parameter
+def test_values_just_inside_a_range_are_not_refused_for_it(
+    annotation, name, refusals_of, format_value
+):
+    """Values just inside the declared range must not be refused with this range as the reason."""
+    in_file = format_value is validation.format_value
+    # For sequences the requirement of each item follows the word "each".
+    requirement = p.describe_requirement(annotation, in_file).rpartition("each ")[2]
+    pattern = rf"{re.escape(name)}\S* = .* must be {re.escape(requirement)}"
+    for value in values_within_range(annotation, in_file):
+        # Other reasons are possible, because the value may not suit other parameters.
+        assert not [sentence for sentence in refusals_of(value) if re.match(pattern, sentence)]
 
 
 @pytest.mark.parametrize(
-    ("path", "section", "place"),
+    ("path", "section", "insert_section"),
     SECTIONS.values(),
     ids=[f"{p.format_path(path)} {i}" for i, (path, *_) in enumerate(SECTIONS.values())],
 )
-def test_unknown_and_missing_keys_and_wrong_names_are_refused(path, section, place):
-    """Add an unknown and a misspelt key, and remove each required key of a section."""
+def test_unknown_and_missing_keys_and_wrong_names_are_refused(path, section, insert_section):
+    """An unknown, a misspelt and a missing required key of a section must each be refused."""
     content, keys, base = (
         example_value(section),
         child_annotations(section),
         p.split_annotation(section)[0],
     )
-    name, last = p.format_path(path) or "the configuration", [*keys][-1]
+    name, last_key = p.format_path(path) or "the configuration", [*keys][-1]
     allowed = f"{name} must be {p.describe_requirement(section, in_file=True)}"
     problems = [("no_such_key", 1, f"= 1 is not a known key: {allowed}")]
-    problems += [(f"{last}~", 1, f"= 1 is not a known key: did you mean {last}?")]
+    problems += [(f"{last_key}~", 1, f"= 1 is not a known key: did you mean {last_key}?")]
     for key, field in getattr(base, "__pydantic_fields__", {}).items():
         if field.is_required() and (path, key) != (("profile",), "kind"):
             allowed = p.describe_requirement(keys[key], in_file=True)
             problems.append((key, None, f"is missing: it must be {allowed}"))
-    if get_origin(base) is dict:  # columns of measured tables may have any name
+    if get_origin(base) is dict:  # a mapping whose keys are names chosen by the user
         allowed = p.describe_requirement(get_args(base)[0], in_file=True)
         problems = [("~", content[MAPPING_KEY], f"is not allowed as a name: it must be {allowed}")]
-        problems *= place({})[0] is Config
+        if insert_section({})[0] is Description:
+            problems = []  # columns of measured tables may have any name
     for key, value, problem in problems:
-        begin = f"{p.format_path((*path, key))} {problem}"
-        sentences = refusals_of_file(place, content, key, value)
-        assert any(text.startswith(begin) for text in sentences), (begin, sentences)
+        expected = f"{p.format_path((*path, key))} {problem}"
+        sentences = refusals_of_file(insert_section, content, key, value)
+        assert any(sentence.startswith(expected) for sentence in sentences), (expected, sentences)
