@@ -1,23 +1,23 @@
-"""Renew golden numbers and pictures of figures: `make golden`.
+"""Renew the golden data and the stored pictures of figures: `make golden`.
 
-Runs the small workflow of tests/workflow in a temporary folder, prints what has changed and writes
-only that.
+It runs the small workflow of tests/workflow in a temporary folder, prints what has changed and
+replaces only that.
 """
 
 import tempfile
 from pathlib import Path
 
 from tests.golden import data, figures, plots
-from tests.workflow.project import recorded_run
+from tests.workflow.project import run_recorded
 
 
 def renew_numbers(results):
-    """Replace golden data that differ from these results, and print the differences."""
-    names = data.datasets(results)
+    """Replace golden data that differ from the folder `results`, and print the differences."""
+    names = data.dataset_names(results)
     for name in names:
-        dataset = data.compared_part(results / name)
+        dataset = data.read_compared_data(results / name)
         if (data.FOLDER / name).exists():
-            changes = data.differences(name, data.read(name), dataset)
+            changes = data.describe_differences(name, data.read(name), dataset)
         else:
             changes = [f"{name}: new"]
         if changes:
@@ -25,13 +25,13 @@ def renew_numbers(results):
             data.write(dataset, data.FOLDER / name)
     for path in data.FOLDER.rglob("*.nc"):
         if str(path.relative_to(data.FOLDER)) not in names:
-            print(f"{path.relative_to(data.FOLDER)}: gone")
+            print(f"{path.relative_to(data.FOLDER)}: removed")
             path.unlink()
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as temporary:
-        project, _, records = recorded_run(Path(temporary) / "small")
+        project, _, records = run_recorded(Path(temporary) / "small")
         renew_numbers(project / "results")
         figures.renew(figures.draw(Path(temporary) / "drawn", records))
         for name in plots.PLOTS:

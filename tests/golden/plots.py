@@ -16,23 +16,27 @@ from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.geometry.stages import own
 from tests.paper import PAPER_PAIR
 
-MESH = own()
-PAIR = gearlib.GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.12)
+GEAR_STAGE = own()
+PAIR = gearlib.GearPair.from_geometry(GEAR_STAGE, torque=85.0, damping_ratio=0.12)
 FOLDER = Path(__file__).with_name("plots")
 PAPER_PAIR = PAPER_PAIR.replace(material_damping=3953.7)
 
-FREE = gearlib.GearPair.from_ratios(contact_ratio=1.4, stiffness_ratio=0.6, damping=0.05)
-PLANETS = gearlib.planetary(turning=True)
+LIGHTLY_DAMPED_PAIR = gearlib.GearPair.from_ratios(
+    contact_ratio=1.4, stiffness_ratio=0.6, damping=0.05
+)
+PLANETARY_TRAIN = gearlib.planetary(turning=True)
 
 
 def resonance():
-    span = {"periods": 400, "record_periods": 8}
+    """Draw sweeps up and down through the main resonance."""
+    run_options = {"periods": 400, "record_periods": 8}
     tunings = np.linspace(0.6, 1.3, 36)
-    return plot.resonance(*(sweep(PAIR, tunings, direction=to, **span) for to in ("up", "down")))
+    sweeps = [sweep(PAIR, tunings, direction=way, **run_options) for way in ("up", "down")]
+    return plot.resonance(*sweeps)
 
 
 def phase_plane():
-    runs = [simulate(FREE, nu, periods=400, record_periods=2) for nu in (0.7, 0.85)]
+    runs = [simulate(LIGHTLY_DAMPED_PAIR, nu, periods=400, record_periods=2) for nu in (0.7, 0.85)]
     return plot.phase_plane(*runs)
 
 
@@ -41,7 +45,7 @@ def time_course():
 
 
 def time_course_of_meshes():
-    run = simulate(PLANETS, 0.9, periods=300, record_periods=2)
+    run = simulate(PLANETARY_TRAIN, 0.9, periods=300, record_periods=2)
     return plot.time_course(run, variable="dynamic_force")
 
 
@@ -50,7 +54,7 @@ def orbit():
 
 
 def harris_map():
-    return plot.harris_map(MESH.transmission_error(torque=[20.0, 85.0]))
+    return plot.harris_map(GEAR_STAGE.transmission_error(torque=[20.0, 85.0]))
 
 
 def campbell():
@@ -63,7 +67,7 @@ def schematic():
 
 
 def schematic_of_planets():
-    return plot.schematic(PLANETS, phase=7.0)
+    return plot.schematic(PLANETARY_TRAIN, phase=7.0)
 
 
 def values():
@@ -76,27 +80,29 @@ def orders():
 
 
 def orders_of_meshes():
-    run = simulate(PLANETS, 0.9, periods=597, record_periods=297)
+    run = simulate(PLANETARY_TRAIN, 0.9, periods=597, record_periods=297)
     return plot.orders(gearlib.orders(run, count=2))
 
 
 @functools.cache
-def course():
+def run_up_and_down():
     """Return a run-up through the main resonance and back."""
     speeds = [(0.0, PAIR.speed(0.7)), (0.5, PAIR.speed(1.0)), (1.0, PAIR.speed(0.7))]
     return gearlib.run_up(PAIR, speed=speeds, samples_per_period=64)
 
 
 def run_up():
-    return plot.run_up(course())
+    return plot.run_up(run_up_and_down())
 
 
 def order_map():
-    return plot.order_map(gearlib.order_map(course(), variable="dynamic_force", highest=60))
+    return plot.order_map(
+        gearlib.order_map(run_up_and_down(), variable="dynamic_force", highest=60)
+    )
 
 
 def order_map_over_frequency():
-    levels = gearlib.order_map(course(), variable="acceleration", highest=60)
+    levels = gearlib.order_map(run_up_and_down(), variable="acceleration", highest=60)
     return plot.order_map(levels, vertical="frequency")
 
 
@@ -107,42 +113,45 @@ def fit():
     return plot.fit(gearlib.fit(guess, rig, free))
 
 
-def _write_set(folder, data, columns, **more):
-    """Write columns of a dataset as a measured set and return the path of its description."""
+def _write_measured_set(folder, data, columns, **keys):
+    """Write columns of a dataset as a measured set and return the path of its description.
+
+    `columns` maps each name to its unit, and `keys` are further keys of the description.
+    """
     folder = Path(folder)
     table = np.column_stack([data[name].values for name in columns])
     np.savetxt(folder / "rig.csv", table, delimiter=",", header=",".join(columns), comments="")
     channels = {name: {"observableId": name, "unit": unit} for name, unit in columns.items()}
     description = {"data": "rig.csv", "title": "rig", "source": "computed", "licence": "own data"}
-    description |= {"synthetic": True, "channels": channels} | more
+    description |= {"synthetic": True, "channels": channels} | keys
     (folder / "rig.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
     return str(folder / "rig.yaml")
 
 
 def measured_orders():
-    """Draw orders of a measured run-up beside two models, one of which made the data."""
+    """Draw orders of a synthetic measured run-up, of its own model and of another one."""
     rig = synthetic_rig(
         PAPER_PAIR, [(0.0, PAPER_PAIR.speed(0.6)), (0.4, PAPER_PAIR.speed(0.72))], 1
     )
     columns = {"time": "s", "speed": "rpm", "displacement": "m"}
     pairs = {"true": PAPER_PAIR, "damped": PAPER_PAIR.replace(material_damping=8e3)}
     with tempfile.TemporaryDirectory() as folder:
-        path = _write_set(folder, rig, columns)
+        path = _write_measured_set(folder, rig, columns)
         orders = study.compare_run_ups(path, pairs)
     return measured_figure.draw_orders([orders], colours={"true": "#AA3377"})
 
 
 def measured_courses():
-    """Draw a measured time history at constant speed beside that of its model."""
+    """Draw a synthetic measured time history at constant speed and the one of its model."""
     run = simulate(PAPER_PAIR, 0.7, periods=248, record_periods=8, samples_per_period=40)
     time = run.phase / run.mesh_frequency
     data = {"time": time, "displacement": run.displacement * run.static_deflection}
     speed = {"speed": f"{PAPER_PAIR.speed(0.7)} rpm"}
     columns = {"time": "s", "displacement": "m"}
-    span = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
+    run_options = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
     with tempfile.TemporaryDirectory() as folder:
-        path = _write_set(folder, data, columns, conditions={"one": speed})
-        courses = study.compare_time_histories(path, {"true": PAPER_PAIR}, span)
+        path = _write_measured_set(folder, data, columns, conditions={"one": speed})
+        courses = study.compare_time_histories(path, {"true": PAPER_PAIR}, run_options)
     return measured_figure.draw_courses([courses])
 
 
@@ -156,11 +165,11 @@ PLOTS = {function.__name__: function for function in _PLOTS}
 
 
 def draw(name, folder):
-    """Draw a picture of PLOTS into a folder."""
+    """Draw the plot with a name in PLOTS and save it in a folder."""
     pyplot.switch_backend("Agg")
-    drawn = PLOTS[name]()
+    result = PLOTS[name]()
     # Some functions return axes, others a figure.
-    figure = getattr(drawn, "figure", drawn)
+    figure = getattr(result, "figure", result)
     figure.set_dpi(60)
     style.save(figure, folder / f"{name}.png")
     pyplot.close("all")

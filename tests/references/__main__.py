@@ -1,8 +1,7 @@
-"""Renew the stored references: `make references`, some minutes.
+"""Renew the stored reference values: `make references` takes some minutes.
 
-Runs the tests that use them with everything computed in 50 digits, and writes what they asked for,
-unless one of them fails. Of tests that are named, as to pytest, the references are renewed, and
-others kept.
+It runs the tests that use them, computes all values with 50 digits, and stores them unless a test
+fails. If tests are selected by pytest arguments, other values are kept.
 """
 
 import sys
@@ -15,16 +14,18 @@ MODULES = ["tests/physics/test_random_meshes.py", "tests/physics/test_sensitivit
 
 
 def main():
-    """Run tests with recording on, and write the references that they ask for."""
+    """Run tests, record the reference values that they need, and return the exit code of pytest."""
     StoredReferences.recording = True
-    chosen = sys.argv[1:]
-    code = pytest.main(["-p", "no:xdist", "-q", *(chosen or MODULES)])
-    for stored in StoredReferences.known if code == 0 else ():
-        if chosen:
+    selected_tests = sys.argv[1:]
+    exit_code = pytest.main(["-p", "no:xdist", "-q", *(selected_tests or MODULES)])
+    if exit_code != 0:
+        return exit_code
+    for stored in StoredReferences.instances:
+        if selected_tests:
             stored.recorded = stored.entries | stored.recorded
         stored.write()
         print(f"{stored.path.name}: {len(stored.recorded)}")
-    return code
+    return exit_code
 
 
 if __name__ == "__main__":

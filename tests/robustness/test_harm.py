@@ -1,4 +1,4 @@
-"""Damaged files, full disks, kill -9: one clear sentence, then the bytes of an undisturbed run."""
+"""After damaged files, full disks and killed processes a new run must restore all results."""
 
 import functools
 import os
@@ -12,20 +12,20 @@ from pathlib import Path
 
 import pytest
 
-from tests.workflow.project import SNAKEMAKE, Project, few_jobs, small_project
+from tests.workflow.project import SNAKEMAKE, Project, keep_dampings, small_project
 
 pytestmark = pytest.mark.slow
 
-#: Number of kills; `make torture` increases it.
-KILLS = int(os.environ.get("GEARLIB_KILLS", "3"))
+#: Number of workflows that are killed; `make torture` increases it.
+KILL_COUNT = int(os.environ.get("GEARLIB_KILLS", "3"))
 
 SHARD = "results/phase_planes/k1/0.8200.nc"
 OTHER_SHARD = "results/phase_planes/k1m/0.8200.nc"
 FIGURE = "results/figures/fig2_phase_shift.png"
 FIGURE_SOURCE = "gearlib/figures/phase_shift_figure.py"
 
-#: Appended to a module: the first process that imports it creates a file and waits.
-WAIT = """
+#: Code for a module: the first process that imports it creates the file "waits" and waits.
+WAITING_CODE = """
 import pathlib, time
 
 if not pathlib.Path("waits").exists():
@@ -35,11 +35,11 @@ if not pathlib.Path("waits").exists():
 
 
 def tiny_project(folder):
-    """Return a project of seven jobs: a phase plane for each of two dampings and the phase lag."""
+    """Return a project of seven jobs, which compute phase planes of two dampings and the phase lag."""
 
     def configure(settings):
-        """Leave two dampings and two targets."""
-        few_jobs(settings, "k1", "k1m")
+        """Keep two dampings and two targets."""
+        keep_dampings(settings, "k1", "k1m")
         settings["figures"]["formats"] = ["png", "pdf"]
         settings["targets"] = ["phase_planes", "phase_lag"]
 
@@ -49,22 +49,22 @@ def tiny_project(folder):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    """Return a project after an undisturbed run."""
+def undisturbed_project(tmp_path_factory):
+    """Return a project after an undisturbed_project run."""
     project = tiny_project(tmp_path_factory.mktemp("robustness") / "built")
     project.snakemake("-j2")
     return project
 
 
 @pytest.fixture
-def project(undisturbed, tmp_path):
+def project(undisturbed_project, tmp_path):
     """Return a copy of the project with all its results."""
-    shutil.copytree(undisturbed.folder, tmp_path / "project")
+    shutil.copytree(undisturbed_project.folder, tmp_path / "project")
     return Project(tmp_path / "project")
 
 
 @contextmanager
-def started(project):
+def start_workflow(project):
     """Start a workflow, yield its process, and kill all remaining jobs at the end.
 
     The output goes to a file, because jobs that outlive Snakemake would keep a pipe open.
@@ -76,7 +76,7 @@ def started(project):
             stdout=printed,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            # Background jobs of a shell, and their children, ignore Ctrl-C.
+            # If a shell runs the tests in the background, Ctrl-C would be ignored otherwise.
             preexec_fn=functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
         )
     try:
@@ -89,17 +89,17 @@ def started(project):
 
 def running_jobs(process):
     """Return the process ids of the running job scripts of a workflow."""
-    scripts = []
+    process_ids = []
     for status in Path("/proc").glob("[0-9]*/stat"):
         try:
-            # The fields after the name of the command are state, parent and group.
+            # The fields after the name of the command are state, parent and process group.
             group = int(status.read_text().rpartition(")")[2].split()[2])
             command = status.with_name("cmdline").read_bytes()
         except OSError:
             continue
         if group == process.pid and b"/.snakemake/scripts/" in command:
-            scripts.append(int(status.parent.name))
-    return scripts
+            process_ids.append(int(status.parent.name))
+    return process_ids
 
 
 def wait_until(condition, process):
@@ -109,15 +109,15 @@ def wait_until(condition, process):
 
 
 def replace_result(project):
-    """Replace a result by the same result of another configuration."""
+    """Replace a result by that of another damping without making it look newer."""
     times = os.stat(project / SHARD)
     shutil.copyfile(project / OTHER_SHARD, project / SHARD)
-    # The new date is one microsecond earlier, so that it does not look newer to Snakemake.
+    # Snakemake must not recognize the change by a newer date.
     os.utime(project / SHARD, ns=(times.st_atime_ns, times.st_mtime_ns - 1000))
 
 
-#: Damage of results, and the rules whose jobs run after it; None means all rules.
-HARM = {
+#: Functions that damage results, and the rules whose jobs must run then; None means any rules.
+DAMAGES = {
     "a result of another configuration": (
         replace_result,
         {"phase_plane", "gather_phase_planes", "draw_phase_planes"},
@@ -130,16 +130,19 @@ HARM = {
 }
 
 
-@pytest.mark.parametrize("name", HARM)
-def test_damaged_results_are_computed_again(project, undisturbed, name):
-    harm, rules = HARM[name]
-    harm(project)
-    assert project.rules("-j2") == rules or rules is None
-    assert project.results() == undisturbed.results()
-    assert project.rules("-j2") == set()
+@pytest.mark.parametrize("name", DAMAGES)
+def test_damaged_results_are_computed_again(project, undisturbed_project, name):
+    """A run after a damage must restore the results, and a further run must find nothing to do."""
+    damage, expected_rules = DAMAGES[name]
+    damage(project)
+    rules = project.run_rules("-j2")
+    assert rules == expected_rules or expected_rules is None
+    assert project.results() == undisturbed_project.results()
+    assert project.run_rules("-j2") == set()
 
 
-def test_a_damaged_file_with_its_old_date_is_named_when_read(project):
+def test_an_unreadable_result_is_reported_by_its_name(project):
+    """Half a netCDF file with its old date must be reported by its path when a job reads it."""
     times, content = os.stat(project / SHARD), (project / SHARD).read_bytes()
     (project / SHARD).write_bytes(content[: len(content) // 2])
     os.utime(project / SHARD, ns=(times.st_atime_ns, times.st_mtime_ns))
@@ -149,14 +152,14 @@ def test_a_damaged_file_with_its_old_date_is_named_when_read(project):
 
 
 @contextmanager
-def small_disk(folder, size):
-    """Mount a small disk at a folder with the folder's content, and copy it back at the end."""
+def mount_small_disk(folder, size):
+    """Move the content of a folder to a small disk that is mounted there, and back at the end."""
     if os.geteuid() != 0:
         pytest.skip("only root can mount a small disk")
     backup = folder.with_name("backup")
     shutil.copytree(folder, backup)
-    command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder]
-    process = subprocess.run(command, capture_output=True, text=True)
+    mount_command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder]
+    process = subprocess.run(mount_command, capture_output=True, text=True)
     if process.returncode:
         pytest.skip(f"no disk could be mounted: {process.stderr.strip()}")
     try:
@@ -170,35 +173,39 @@ def small_disk(folder, size):
         backup.rename(folder)
 
 
-def test_a_full_disk_is_reported_in_one_sentence(project, undisturbed):
-    """A run on a full disk must fail with a sentence, and a run afterwards must succeed."""
+def test_a_full_disk_is_reported_in_one_sentence(project, undisturbed_project):
+    """A run on a full disk must fail with one sentence, and a run with more space must succeed."""
     for path in project.results():
         if "phase_planes" in path:
             (project / path).unlink()
-    used = sum(path.stat().st_blocks * 512 for path in (project / "results").rglob("*"))
-    with small_disk(project / "results", used + 100_000):
+    block_size, free_size = 512, 100_000  # bytes; the results need more than 100 kB
+    paths = (project / "results").rglob("*")
+    used_size = sum(path.stat().st_blocks * block_size for path in paths)
+    with mount_small_disk(project / "results", used_size + free_size):
         printed = project.snakemake("-j2", succeed=False)
     assert "cannot be written" in printed and "kB are free there" in printed
     assert "Traceback" not in printed
     project.snakemake("-j2")
-    assert project.results() == undisturbed.results()
+    assert project.results() == undisturbed_project.results()
 
 
-def test_read_only_results_are_reported_in_one_sentence(project):
+def test_a_read_only_results_folder_is_reported_in_one_sentence(project):
+    """The message must name the folder, because no job can write to it."""
     for path in (project / "results/figures").glob("fig2_phase_shift.*"):
         path.unlink()
-    with small_disk(project / "results", "50m"):
+    with mount_small_disk(project / "results", "50m"):
         subprocess.run(["mount", "-o", "remount,ro", project / "results"], check=True)
         printed = project.snakemake("-j2", succeed=False)
     assert "Nothing can be written to results." in printed and "Traceback" not in printed
 
 
-def test_a_second_workflow_is_refused_and_ctrl_c_ends_the_jobs_of_the_first(project):
+def test_a_second_workflow_is_refused_and_ctrl_c_ends_the_first(project):
+    """While a workflow runs, a second one must be refused; Ctrl-C must end the first and its jobs."""
     (project / FIGURE).unlink()
     with (project / FIGURE_SOURCE).open("a", encoding="utf-8") as source:
-        source.write(WAIT)
-    with started(project) as process:
-        # When a job runs, the locks are set.
+        source.write(WAITING_CODE)
+    with start_workflow(project) as process:
+        # A running job means that the first workflow has locked the folder.
         wait_until((project / "waits").exists, process)
         printed = project.snakemake("-j2", succeed=False)
         assert "cannot be locked" in printed and "Traceback" not in printed
@@ -207,13 +214,16 @@ def test_a_second_workflow_is_refused_and_ctrl_c_ends_the_jobs_of_the_first(proj
     assert "Traceback" not in (project / "printed.txt").read_text(encoding="utf-8")
 
 
-def test_killed_workflows_lose_no_results(undisturbed, tmp_path):
-    """Kill a job, Snakemake alone, whose jobs continue, or everything, and start again."""
-    project, dice = tiny_project(tmp_path / "project"), random.Random(20070414)
-    for number in range(KILLS):
-        with started(project) as process:
+def test_killed_workflows_lose_no_results(undisturbed_project, tmp_path):
+    """After a job, Snakemake or all processes were killed, a run must give the undisturbed results.
+
+    Jobs continue if only Snakemake is killed.
+    """
+    project, rng = tiny_project(tmp_path / "project"), random.Random(20070414)
+    for number in range(KILL_COUNT):
+        with start_workflow(project) as process:
             wait_until(functools.partial(running_jobs, process), process)
-            time.sleep(dice.uniform(0.0, 3.0))
+            time.sleep(rng.uniform(0.0, 3.0))
             victim = ("job", "snakemake", "everything")[number % 3]
             with suppress(IndexError, ProcessLookupError):
                 if victim == "job":
@@ -224,8 +234,9 @@ def test_killed_workflows_lose_no_results(undisturbed, tmp_path):
                 else:
                     os.killpg(process.pid, signal.SIGKILL)
         project.snakemake("--unlock")
+        # Every third time the workflow is completed and then starts from nothing.
         if number % 3 == 2:
             project.snakemake("-j2")
-            assert project.results() == undisturbed.results()
+            assert project.results() == undisturbed_project.results()
             shutil.rmtree(project / "results")
             shutil.rmtree(project / ".snakemake")

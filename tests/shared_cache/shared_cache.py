@@ -1,7 +1,7 @@
-"""Machine code for all copies of the project that tests make: numba's folders without its path.
+"""Share compiled kernels between all copies of the project that tests make.
 
-numba names the folder of a function by the path of its file, and every copy of the project would
-compile all kernels anew. Its setting NUMBA_CACHE_LOCATOR_CLASSES takes this class instead.
+By default, numba names the cache folder of a function by the path of its file, so that each copy of
+the project would compile all kernels again. NUMBA_CACHE_LOCATOR_CLASSES selects this class instead.
 """
 
 from pathlib import Path
@@ -10,11 +10,11 @@ from numba.core.caching import UserProvidedCacheLocator
 
 
 class SharedLocator(UserProvidedCacheLocator):
-    """A folder of the cache by the name of the package that a function lies in."""
+    """Locate the cache of a kernel by the name of its package instead of its path."""
 
     @classmethod
     def get_suitable_cache_subpath(cls, py_file):
-        """Return the name of the cache folder; kernels of gearlib use the name of their folder."""
+        """Return the cache folder of a file: for kernels of gearlib, the name of their package."""
         folder = Path(py_file).parent
         if "engines" in folder.parts or folder.name == "steps":
             return folder.name
