@@ -402,7 +402,7 @@ class Bifurcation(_InitialStates, grid_with_defaults(0.45, 0.95, 0.001)):
     exponent_periods: _ExponentPeriods = field(
         "Mesh periods over which the Lyapunov exponent is averaged.", 800
     )
-    samples: _SettlingPeriods = field("Number of initial states for the basin fractions.", 400)
+    samples: _SettlingPeriods = field("Number of initial states for the basin fractions.", 200)
     periods: _SettlingPeriods = field("Mesh periods of each run for the basin fractions.", 400)
 
     @model_validator(mode="after")
@@ -538,4 +538,4 @@ class WorkPrecision(Section):
     record_periods: integer(1, 100) = field(
         "Number of last mesh periods, of which the events are compared.", 3
     )
-    repeats: t.Count = field("Largest number of timed runs; the shortest time is used.", 9)
+    repeats: t.Count = field("Largest number of timed runs; the shortest time is used.", 5)

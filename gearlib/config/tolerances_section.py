@@ -106,12 +106,12 @@ class Tolerances(t.grid_with_defaults(0.5, 1.4, 0.01), t.RecordedPeriods):
         "Quantities to compute for each design.",
         ["jump_up", "jump_down", "onset_of_contact_loss", "peak"],
     )
-    samples: t.integer(2, 2**24) = field("Number of designs, points of a Sobol' sequence.", 512)
+    samples: t.integer(2, 2**24) = field("Number of designs, points of a Sobol' sequence.", 256)
     shard: t.integer(1) = field(
         "Number of designs of one job; the results do not depend on it.", 256
     )
     index_samples: Literal[16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192] = field(
-        "Base sample size n of the Sobol' indices: n (k + 2) designs for k parameters.", 128
+        "Base sample size n of the Sobol' indices: n (k + 2) designs for k parameters.", 64
     )
     seed: t.Seed = 1
     directions: t.Distinct[Literal["up", "down", "cold", "seeded"]] = field(

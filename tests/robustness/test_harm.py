@@ -35,7 +35,7 @@ if not pathlib.Path("waits").exists():
 
 
 def tiny_project(folder):
-    """Return a project of seven jobs, which compute phase planes of two dampings and the phase lag."""
+    """Return a project that computes the phase lag and phase planes of two dampings."""
 
     def configure(settings):
         """Keep two dampings and two targets."""
@@ -200,7 +200,7 @@ def test_a_read_only_results_folder_is_reported_in_one_sentence(project):
 
 
 def test_a_second_workflow_is_refused_and_ctrl_c_ends_the_first(project):
-    """While a workflow runs, a second one must be refused; Ctrl-C must end the first and its jobs."""
+    """A second workflow must not disturb the first; Ctrl-C must end the first with its jobs."""
     (project / FIGURE).unlink()
     with (project / FIGURE_SOURCE).open("a", encoding="utf-8") as source:
         source.write(WAITING_CODE)

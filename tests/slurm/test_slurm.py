@@ -5,7 +5,7 @@ import subprocess
 import pytest
 
 from tests.slurm import cluster
-from tests.workflow.project import few_jobs, small_project
+from tests.workflow.project import keep_dampings, small_project
 
 TARGETS = ["results/resonance.nc", "results/figures/fig2_phase_shift.png"]
 
@@ -22,7 +22,7 @@ def slurm():
 
 def only_a_few_jobs(settings):
     """Reduce a configuration to few jobs, because each job takes seconds on Slurm."""
-    few_jobs(settings, "k1")
+    keep_dampings(settings, "k1")
     settings["resonance"] |= {"directions": ["cold", "up"]}
     settings["targets"] = ["phase_lag", "resonance"]
 

@@ -1,4 +1,4 @@
-"""The small project: built once, copied for each test that changes it."""
+"""Fixtures with the small project, which runs once and is copied for tests that change it."""
 
 import fcntl
 import os
@@ -7,30 +7,30 @@ import shutil
 
 import pytest
 
-from tests.workflow.project import Project, recorded_run
+from tests.workflow.project import Project, run_recorded
 
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory):
-    """Return (project, output, records of jobs) of the first run of the small project.
+    """Return (project, output, job records) of the first run of the small project.
 
-    One of several workers builds it while the others wait.
+    If several workers need it, one of them runs the project while the others wait.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
-    done = folder / "recorded.pickle"
+    pickled_run = folder / "recorded.pickle"
     with open(folder / "workflow.lock", "w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        if not done.exists():
+        if not pickled_run.exists():
             shutil.rmtree(folder / "workflow", ignore_errors=True)
-            done.write_bytes(pickle.dumps(recorded_run(folder / "workflow")))
-    return pickle.loads(done.read_bytes())
+            pickled_run.write_bytes(pickle.dumps(run_recorded(folder / "workflow")))
+    return pickle.loads(pickled_run.read_bytes())
 
 
 @pytest.fixture(scope="session")
 def first_run(recorded):
-    """Return (untouched project, output) after one run of `snakemake -j2`."""
+    """Return the project, which tests must not change, and the output of its `snakemake -j2`."""
     return recorded[:2]
 
 

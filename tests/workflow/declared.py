@@ -1,4 +1,4 @@
-"""The rules of the workflow as Snakemake reads them, with their captions."""
+"""Read the rules of the workflow and render their captions as Snakemake does."""
 
 import json
 from types import SimpleNamespace
@@ -31,23 +31,23 @@ Path("declared.json").write_text(json.dumps({"config": config, "rules": jobs}))
 """
 
 
-class Declared(NamedTuple):
-    """A configuration, and params, outputs and caption paths of each rule by name."""
+class DeclaredRules(NamedTuple):
+    """A configuration, and a dict of params, outputs, captions and report parts for each rule."""
 
     config: dict
     rules: dict
 
     def caption(self, name):
-        """Return the caption of a figure, or of a table as "name_table", in one line."""
+        """Return the caption of a figure, or of a table called "name_table", in one line."""
         return next(
-            self.rendered(rule, path)
+            self.render_caption(rule, path)
             for rule in self.rules.values()
             for path in rule["captions"]
             if path.endswith(f"/{name}.rst")
         )
 
-    def rendered(self, rule, path):
-        """Return the text of a rule's caption, rendered as in the report, in one line."""
+    def render_caption(self, rule, path):
+        """Return the caption in a template file in one line, with the params of its rule."""
         with open(path, encoding="utf-8") as file:
             template = jinja2.Environment(undefined=jinja2.StrictUndefined).from_string(file.read())
         snakemake = SimpleNamespace(
@@ -56,8 +56,8 @@ class Declared(NamedTuple):
         return " ".join(template.render(snakemake=snakemake).split())
 
 
-def declared(project, *arguments):
-    """Return the configuration and rules of a project, by a dry run with the given arguments."""
+def read_declared_rules(project, *arguments):
+    """Return the configuration and rules of a project by a dry run with Snakemake arguments."""
     (project / "Declared.smk").write_text(_SNAKEFILE, encoding="utf-8")
     project.snakemake("-n", "-q", "-s", "Declared.smk", *arguments)
-    return Declared(**json.loads((project / "declared.json").read_text(encoding="utf-8")))
+    return DeclaredRules(**json.loads((project / "declared.json").read_text(encoding="utf-8")))

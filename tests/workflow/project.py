@@ -20,7 +20,7 @@ _COPIED = ["Snakefile", "config.yaml", "gearlib", "profiles", "workflow"]
 
 
 class Project:
-    """A folder with a copy of the project and its results."""
+    """A copy of the project in its own folder, with its results."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -43,23 +43,23 @@ class Project:
         assert (process.returncode == 0) == succeed, process.stdout
         return process.stdout
 
-    def rules(self, *arguments):
-        """Run Snakemake and return the names of the rules whose jobs run."""
-        return rules_in(self.snakemake(*arguments))
+    def run_rules(self, *arguments):
+        """Run Snakemake and return the names of the rules that it runs."""
+        return rules_in_job_table(self.snakemake(*arguments))
 
-    def planned(self, *arguments):
-        """Return the names of the rules whose jobs Snakemake would run."""
-        return self.rules("-n", *arguments)
+    def planned_rules(self, *arguments):
+        """Return the names of the rules that Snakemake would run."""
+        return self.run_rules("-n", *arguments)
 
     def configure(self, change):
-        """Change the configuration file by a function that changes its dict in place."""
+        """Rewrite config.yaml after `change` has changed its content, a dict, in place."""
         path = self / "config.yaml"
-        settings = yaml.safe_load(path.read_text(encoding="utf-8"))
-        change(settings)
-        path.write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
+        configuration = yaml.safe_load(path.read_text(encoding="utf-8"))
+        change(configuration)
+        path.write_text(yaml.safe_dump(configuration, sort_keys=False), encoding="utf-8")
 
     def results(self):
-        """Return the contents of result files by path, but no logs, benchmarks and provenance."""
+        """Return the contents of result files by path, without logs, benchmarks and provenance."""
         return {
             str(path.relative_to(self.folder)): path.read_bytes()
             for path in sorted((self / "results").rglob("*"))
@@ -67,8 +67,8 @@ class Project:
         }
 
 
-def rules_in(output):
-    """Return the names of the rules in Snakemake's first table of jobs, without `all`."""
+def rules_in_job_table(output):
+    """Return the names of the rules in the first job table that Snakemake printed, except `all`."""
     table = re.search(r"^Job stats:\njob +count\n[- ]+\n(.*?)^total ", output, re.S | re.M)
     if table is None:
         assert "Nothing to be done" in output, output
@@ -89,26 +89,26 @@ def project_copy(folder):
 
 
 def small_project(folder):
-    """Return a copy of the project without results, with the configuration of small.yaml."""
+    """Return a copy of the project without results, with the short studies of small.yaml."""
     project = project_copy(folder)
     small = yaml.safe_load((ROOT / "tests/workflow/small.yaml").read_text(encoding="utf-8"))
-    # Targets that are not computed by default are included.
+    # By default, some of these targets are not computed.
     small["targets"] = [name for name in TARGETS if name != "measured"]
     project.configure(lambda settings: _merge(settings, small))
     shutil.copy2(ROOT / "gallery" / small["gearbox"]["file"], folder)
     return project
 
 
-def few_jobs(settings, *dampings):
-    """Reduce a configuration to some dampings and no scenes."""
-    for section in (settings["dampings"], settings["figures"]["colours"]):
+def keep_dampings(configuration, *dampings):
+    """Keep only the given dampings and no scenes in a configuration, which is changed in place."""
+    for section in (configuration["dampings"], configuration["figures"]["colours"]):
         for name in section.keys() - {*dampings}:
             del section[name]
-    settings |= {"scenes": {}, "stability_chart": {"damping": dampings[0]}}
+    configuration |= {"scenes": {}, "stability_chart": {"damping": dampings[0]}}
 
 
-def recorded_run(folder):
-    """Run `snakemake -j2` in a new small project; return (project, output, job records)."""
+def run_recorded(folder):
+    """Run `snakemake -j2` in a new small project and return (project, output, job records)."""
     records = folder / "records"
     records.mkdir(parents=True)
     recorder = str(ROOT / "tests/workflow/recorder")
@@ -117,13 +117,13 @@ def recorded_run(folder):
         "GEARLIB_RECORDS": str(records),
     }
     project = small_project(folder / "project")
-    printed = project.snakemake("-j2", **environment)
-    jobs = [json.loads(path.read_text(encoding="utf-8")) for path in records.glob("*.json")]
-    return project, printed, jobs
+    output = project.snakemake("-j2", **environment)
+    job_records = [json.loads(path.read_text(encoding="utf-8")) for path in records.glob("*.json")]
+    return project, output, job_records
 
 
 def _merge(base, changes):
-    """Merge changes into a configuration in place, as Snakemake does."""
+    """Merge nested changes into a configuration in place, as Snakemake does."""
     for key, value in changes.items():
         if isinstance(value, dict):
             _merge(base.setdefault(key, {}), value)

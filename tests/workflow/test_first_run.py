@@ -13,64 +13,72 @@ from gearlib.config.configuration import TARGETS
 from gearlib.data import storage
 from tests.golden import data as golden
 from tests.golden import figures
-from tests.workflow.project import rules_in
+from tests.workflow.project import rules_in_job_table
 
 pytestmark = pytest.mark.slow
 
-#: A check that fails by a bug of the CF checker, which subtracts texts of a coordinate.
-FAULT_OF_CHECKER = "check_coordinate_variables_strict_monotonicity"
+#: A check that fails because of a bug in the CF checker, which subtracts strings of a coordinate.
+FAULTY_CF_CHECK = "check_coordinate_variables_strict_monotonicity"
 
-#: Modules that jobs load but that cannot change results: lazy names.
-NO_SOURCES = {"gearlib/__init__.py"}
+#: Modules that jobs load but that cannot change results, because they only import names lazily.
+MODULES_WITHOUT_RESULTS = {"gearlib/__init__.py"}
 
 
 def test_one_command_runs_every_rule(first_run):
     project, output = first_run
     lines = project.snakemake("--list-rules").splitlines()
-    # The first line names the profile, and names of templates begin with an underscore.
-    rules = {line for line in lines if " " not in line and not line.startswith("_")}
-    # Rules that only name targets run no script. Measured sets are tested separately.
-    run = rules_in(output)
-    named = {"all", "paper", *TARGETS} - run
-    measured = {rule for rule in rules if "measured" in rule}
-    assert run == rules - named - measured
+    # The first line contains the profile, and names of templates start with an underscore.
+    all_rules = {line for line in lines if " " not in line and not line.startswith("_")}
+    executed_rules = rules_in_job_table(output)
+    # Rules of targets run no script, and measured sets have a test of their own.
+    target_rules = {"all", "paper", *TARGETS} - executed_rules
+    measured_rules = {rule for rule in all_rules if "measured" in rule}
+    assert executed_rules == all_rules - target_rules - measured_rules
 
 
 def test_the_sources_of_a_job_include_every_module_it_loads(first_run, records):
-    """A module that a job loads but does not list as a source would not cause a rerun."""
-    folder = f"{first_run[0].folder}/"
-    missing = set()
+    """Each loaded module must be a source, because only edits of sources cause a rerun."""
+    project, _ = first_run
+    folder, missing_sources = f"{project.folder}/", set()
     for job in records:
         paths = map(os.path.normpath, job["loaded"])
         loaded = {path.removeprefix(folder) for path in paths if path.startswith(folder)}
         assert "workflow/scripts/job.py" in loaded
         loaded = {path for path in loaded if path.startswith(("gearlib/", "workflow/"))}
         loaded |= {f"workflow/scripts/{job['script']}"}
-        missing |= {(job["rule"], path) for path in loaded - NO_SOURCES - {*job["sources"]}}
-    assert missing == set()
+        loaded -= MODULES_WITHOUT_RESULTS
+        missing_sources |= {(job["rule"], path) for path in loaded - {*job["sources"]}}
+    assert missing_sources == set()
 
 
 def test_computations_do_not_depend_on_drawing_code(records):
-    figures = "gearlib/figures/"
+    """A job that draws nothing must not have drawing code as a source, which would cause reruns."""
+    drawing_folder = "gearlib/figures/"
     for job in records:
-        if not any(figures in path for path in job["loaded"]):
-            assert not any(path.startswith(figures) for path in job["sources"]), job["rule"]
+        draws = any(drawing_folder in path for path in job["loaded"])
+        if not draws:
+            assert not any(path.startswith(drawing_folder) for path in job["sources"]), job["rule"]
 
 
-def test_every_job_starts_with_the_settings_of_the_processor(records):
-    settings = processor.environment_variables()
-    # Snakemake sets this variable to the threads of a job.
-    settings.pop("OPENBLAS_NUM_THREADS", None)
-    assert all(settings.items() <= job["environment"].items() for job in records)
+def test_every_job_runs_with_the_processor_settings_of_the_library(records):
+    """All jobs need the same environment variables, so that they write the same bytes."""
+    variables = processor.environment_variables()
+    # Snakemake sets this variable to the number of threads of a job.
+    variables.pop("OPENBLAS_NUM_THREADS", None)
+    assert all(variables.items() <= job["environment"].items() for job in records)
 
 
 def test_numbers_behind_the_figures_match_golden_data(first_run):
+    """The workflow must write the datasets of golden data with the same numbers up to tolerances."""
     results = first_run[0] / "results"
-    names = golden.datasets(results)
-    stored = sorted(str(path.relative_to(golden.FOLDER)) for path in golden.FOLDER.rglob("*.nc"))
-    assert names == stored, "`make golden` renews them"
+    names = golden.dataset_names(results)
+    golden_paths = golden.FOLDER.rglob("*.nc")
+    golden_names = sorted(str(path.relative_to(golden.FOLDER)) for path in golden_paths)
+    assert names == golden_names, "`make golden` renews the golden data"
     changes = [
-        golden.differences(name, golden.read(name), golden.compared_part(results / name))
+        golden.describe_differences(
+            name, golden.read(name), golden.read_compared_data(results / name)
+        )
         for name in names
     ]
     assert not any(changes), "\n".join(sum(changes, []))
@@ -78,23 +86,23 @@ def test_numbers_behind_the_figures_match_golden_data(first_run):
 
 @pytest.fixture(scope="module")
 def pictures(records, tmp_path_factory):
-    """Return the folder of the figures that the present code draws from golden data."""
+    """Return the folder of the figures that the current code draws from golden data."""
     return figures.draw(tmp_path_factory.mktemp("figures"), records)
 
 
-@pytest.mark.parametrize("name", figures.stored())
+@pytest.mark.parametrize("name", figures.stored_names())
 def test_each_figure_matches_its_stored_picture(pictures, name):
-    assert figures.difference(name, pictures) is None
+    assert figures.describe_difference(name, pictures) is None
 
 
 def test_every_figure_has_a_stored_picture(pictures):
-    drawn = sorted(path.stem for path in pictures.glob("*.png"))
-    assert drawn == figures.stored(), "`make golden` renews them"
+    names = sorted(path.stem for path in pictures.glob("*.png"))
+    assert names == figures.stored_names(), "`make golden` renews the stored pictures"
 
 
 @pytest.fixture(scope="module")
 def report(first_run, tmp_path_factory):
-    """Return the report of the untouched project as (file, entries by path)."""
+    """Return the path of the report on the first run, and its entries by path of the result."""
     path = tmp_path_factory.mktemp("report") / "report.html"
     first_run[0].snakemake("--report", str(path))
     (entries,) = re.findall(r"var results = (\{.*\});$", path.read_text(encoding="utf-8"), re.M)
@@ -102,7 +110,7 @@ def report(first_run, tmp_path_factory):
 
 
 def test_the_report_contains_every_figure_and_table(first_run, report):
-    """Each figure and table must have one entry with a caption and a distinct label."""
+    """Each figure and table must have one entry with a caption and a unique label."""
     project, (_, entries) = first_run[0], report
     results = project / "results"
     pictures = {str(path.relative_to(results)) for path in results.rglob("figures/**/*.png")}
@@ -111,7 +119,8 @@ def test_the_report_contains_every_figure_and_table(first_run, report):
     expected |= {f"results/tables/{name}.html" for name in tables}
     assert set(entries) == expected
     for path, entry in entries.items():
-        # A missing caption file would stop the report; here the text must not be trivial.
+        # Without a caption file Snakemake would fail. A caption of one sentence has more than 80
+        # characters.
         assert len(entry["caption"]) > 80, path
         assert list(entry["labels"]) == ["figure"], path
     labels = [entry["labels"]["figure"] for entry in entries.values()]
@@ -119,8 +128,8 @@ def test_the_report_contains_every_figure_and_table(first_run, report):
 
 
 @pytest.fixture(scope="module")
-def kinds(first_run):
-    """Return one file for each kind of dataset, which has a title, variables and attributes."""
+def dataset_paths(first_run):
+    """Return one dataset file for each combination of title, variables and attributes."""
     paths = {}
     for path in sorted((first_run[0] / "results").rglob("*.nc")):
         dataset = storage.read(path)
@@ -128,36 +137,42 @@ def kinds(first_run):
     return {str(path.relative_to(first_run[0] / "results")): path for path in paths.values()}
 
 
-def test_every_dataset_follows_the_cf_conventions(kinds, monkeypatch):
-    """Check one dataset of each kind with the official checker of the CF conventions."""
+def test_every_dataset_follows_the_cf_conventions(dataset_paths, monkeypatch):
+    """The checker of the CF conventions must find no fault in one dataset of each kind."""
     runner = pytest.importorskip("compliance_checker.runner", reason="no CF checker installed")
     from compliance_checker.cf import util as cf_util
 
     suite = runner.CheckSuite()
     suite.load_all_available_checkers()
-    # The checker calls these functions hundreds of times for each dataset.
+    # The checker calls these functions hundreds of times per dataset; the cache saves time.
     for name in ("get_geophysical_variables", "get_auxiliary_coordinate_variables"):
         monkeypatch.setattr(cf_util, name, functools.cache(getattr(cf_util, name)))
     faults = []
-    for name, path in kinds.items():
-        # The file must be closed, because reading an open file again crashes the HDF5 library.
-        with suite.load_dataset(str(path)) as data:
-            results, errors = suite.run_all(data, ["cf:1.11"])["cf:1.11"]
-        faults += [(name, *group.msgs) for group in results if group.value[0] < group.value[1]]
-        faults += [(name, fault) for fault in errors if fault != FAULT_OF_CHECKER]
+    for name, path in dataset_paths.items():
+        # The file must be closed, because opening it twice crashes the HDF5 library.
+        with suite.load_dataset(str(path)) as dataset:
+            checks, errors = suite.run_all(dataset, ["cf:1.11"])["cf:1.11"]
+        for check in checks:
+            score, full_score = check.value
+            if score < full_score:
+                faults.append((name, *check.msgs))
+        faults += [(name, check_name) for check_name in errors if check_name != FAULTY_CF_CHECK]
     assert faults == []
 
 
-def test_every_variable_is_described(kinds):
-    for name, path in kinds.items():
+def test_every_variable_has_a_description_and_units(dataset_paths):
+    for name, path in dataset_paths.items():
         for key, variable in storage.read(path).variables.items():
             assert variable.attrs.get("long_name"), (name, key)
             assert "units" in variable.attrs or variable.dtype.kind not in "fi", (name, key)
 
 
-def test_every_dataset_states_how_it_was_made(kinds):
-    """Check source, history and source hash, and that embedded JSON is in canonical form."""
-    for name, path in kinds.items():
+def test_every_dataset_states_how_it_was_made(dataset_paths):
+    """Attributes must state program, history and source hash, and contain JSON in canonical form.
+
+    JSON with sorted keys and without spaces makes files equal to the byte.
+    """
+    for name, path in dataset_paths.items():
         attributes = storage.read(path).attrs
         if "times" in name:
             continue
@@ -169,19 +184,22 @@ def test_every_dataset_states_how_it_was_made(kinds):
             assert attributes[key] == text, name
 
 
-def test_the_stored_source_hash_matches_the_job(first_run):
+def test_the_source_hash_depends_on_the_sources_of_the_job(first_run):
+    """Jobs of one study must store the same hash, and jobs with other sources another one."""
     project, _ = first_run
 
     def source_hash(path):
+        """Return the source hash that a result file stores."""
         return storage.read(project / "results" / path).attrs["source_hash"]
 
     shard = next((project / "results/resonance/k1/cold").glob("*.nc"))
     assert source_hash("resonance.nc") == source_hash(shard)
-    # Jobs of the phase lag have other sources and so another hash.
+    # The phase lag is computed by other modules than the resonance.
     assert source_hash("phase_lag.nc") != source_hash(shard)
 
 
-def test_provenance_states_where_and_when_the_run_was_made(first_run):
+def test_provenance_describes_the_run(first_run):
+    """The file must state time, commit, versions, machine and jobs of the run."""
     record = json.loads((first_run[0] / "results/provenance.json").read_bytes())
     assert set(record) == {"finished", "commit", "changed_files", "versions", "machine", "jobs"}
     assert record["versions"]["numpy"] == metadata.version("numpy")

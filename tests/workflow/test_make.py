@@ -12,14 +12,14 @@ import pytest
 
 from tests.workflow.project import ROOT
 
-TEXT = (ROOT / "Makefile").read_text(encoding="utf-8")
-TARGETS = re.search(r"^\.PHONY: (.*?[^\\])$", TEXT, re.M | re.S)[1].replace("\\\n", " ").split()
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
+TARGETS = re.search(r"^\.PHONY: (.*?[^\\])$", MAKEFILE, re.M | re.S)[1].replace("\\\n", " ").split()
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
     "optional-dependencies"
 ]
 CHECKS = ["ruff", "ruff", "snakefmt", "lint-imports", "mypy"]
-#: Tools that a target calls, if it does not call python once.
-TOOLS = {
+#: Tools that a target calls in this order; other targets call python once.
+TOOLS_OF_TARGETS = {
     "all": ["snakemake"],
     "lint": CHECKS,
     "test": [*CHECKS, "python", "python"],
@@ -32,21 +32,24 @@ TOOLS = {
 }
 
 
-def make(folder, target):
-    """Run a target of the Makefile with stand-ins for its tools and return the output."""
+def run_target(folder, target):
+    """Run a target of the Makefile with stand-ins for its tools and return the output.
+
+    A stand-in prints "ran", its name and its arguments.
+    """
     tools = folder / ".venv/bin"
     tools.mkdir(parents=True)
-    # Installing Slurm would need the rights of root.
-    for name in {*TOOLS.get(target, ["python"]), "apt-get"}:
+    # apt-get has a stand-in, too, because it would install Slurm on this machine.
+    for name in {*TOOLS_OF_TARGETS.get(target, ["python"]), "apt-get"}:
         (tools / name).write_text('#!/bin/sh\necho "ran $(basename "$0") $*"\n', encoding="utf-8")
         (tools / name).chmod(0o755)
     shutil.copy2(ROOT / "Makefile", folder)
-    ready = [".venv/installed.stamp", ".venv/testing.stamp", "build/config.schema.json"]
-    # The tests may have been started by make themselves.
+    up_to_date = [".venv/installed.stamp", ".venv/testing.stamp", "build/config.schema.json"]
+    # If make runs the tests, its variables must not reach the make that is tested.
     environment = {name: text for name, text in os.environ.items() if not name.startswith("MAKE")}
     environment["PATH"] = os.pathsep.join([str(tools), environment["PATH"]])
     return subprocess.run(
-        ["make", *(f"--assume-old={name}" for name in ready), target],
+        ["make", *(f"--assume-old={name}" for name in up_to_date), target],
         cwd=folder,
         env=environment,
         capture_output=True,
@@ -55,28 +58,36 @@ def make(folder, target):
     ).stdout
 
 
-@pytest.mark.parametrize("target", [target for target in TARGETS if TOOLS.get(target) != []])
+@pytest.mark.parametrize(
+    "target", [target for target in TARGETS if TOOLS_OF_TARGETS.get(target) != []]
+)
 def test_targets_name_modules_files_and_extras_that_exist(target, tmp_path):
-    """Run a target and check the arguments that its tools receive."""
-    calls = [shlex.split(call) for call in re.findall(r"^ran (.*)$", make(tmp_path, target), re.M)]
+    """Each target must call its tools with modules, files and extras that exist in the project."""
+    calls = [
+        shlex.split(call) for call in re.findall(r"^ran (.*)$", run_target(tmp_path, target), re.M)
+    ]
     calls = [call for call in calls if call[0] != "apt-get"]
-    assert [tool for tool, *_ in calls] == TOOLS.get(target, ["python"])
-    for words in calls:
-        if words[0] == "python":
-            importlib.import_module(words[words.index("-m") + 1])
-        for word in words:
-            assert not word.startswith(("tests/", "requirements/")) or (ROOT / word).exists()
-            for extra in re.findall(r"^\.\[(.*)\]$", word):
+    assert [tool for tool, *_ in calls] == TOOLS_OF_TARGETS.get(target, ["python"])
+    for tool, *arguments in calls:
+        if tool == "python":
+            module = arguments[arguments.index("-m") + 1]
+            importlib.import_module(module)
+        for argument in arguments:
+            if argument.startswith(("tests/", "requirements/")):
+                assert (ROOT / argument).exists()
+            # An argument such as ".[proof]" installs the project with an extra.
+            for extra in re.findall(r"^\.\[(.*)\]$", argument):
                 assert extra in EXTRAS
 
 
 @pytest.mark.parametrize("target", ["clean", "distclean"])
-def test_clean_keeps_the_readme_of_results(target, tmp_path):
+def test_clean_removes_results_but_keeps_their_readme(target, tmp_path):
+    """Only `distclean` may also remove the virtual environment, which takes long to install."""
     for name in (".snakemake", "results/figures"):
         (tmp_path / name).mkdir(parents=True)
     (tmp_path / "results/README.md").touch()
     (tmp_path / "results/resonance.nc").touch()
-    make(tmp_path, target)
+    run_target(tmp_path, target)
     assert [path.name for path in (tmp_path / "results").iterdir()] == ["README.md"]
     assert not (tmp_path / ".snakemake").exists()
     assert (tmp_path / ".venv").exists() == (target == "clean")

@@ -1,4 +1,4 @@
-"""Measured sets in the workflow: drawn, scored, and refused before any job starts."""
+"""The workflow draws and scores measured data, and refuses damaged data before any job starts."""
 
 import csv
 
@@ -21,10 +21,11 @@ SWEEPS = {
 }
 
 
-def test_measured_data_rerun_their_jobs_and_damaged_data_stop_every_job(project):
-    """Use computed sweeps as measured data, then change them and damage them."""
+def test_measured_data_are_scored_rerun_their_jobs_and_are_refused_if_damaged(project):
+    """Computed sweeps as measured data must fit their own model, rerun jobs and be checked first."""
     curves = xr.load_dataset(project / "results/resonance.nc").sel(damping="k1")
-    peaks = curves.displacement_max * float(curves.static_deflection) * 1e6
+    micrometres_per_deflection = 1e6 * float(curves.static_deflection)
+    peaks = curves.displacement_max * micrometres_per_deflection
     rows = [
         f"{speed},{direction},{peak}\n"
         for direction in ("up", "down")
@@ -38,16 +39,17 @@ def test_measured_data_rerun_their_jobs_and_damaged_data_stop_every_job(project)
     table.write_text("rpm,sweep,peak\n" + "".join(rows))
     project.configure(lambda settings: settings.update(measured=["rig/sweeps.yaml"]))
     rules = {"measured_curve", "measured_table", "draw_resonance", "measured", "resonance"}
-    assert project.rules("-j2", "measured", "resonance") == rules
+    assert project.run_rules("-j2", "measured", "resonance") == rules
     with open(project / "results/measured.csv", newline="") as file:
         scores = {(row["damping"], row["quantity"]): row for row in csv.DictReader(file)}
-    # The data are computed with the damping k1, so that its misfit vanishes, but not that of k1m.
+    # The data were computed with the damping k1, so that only its misfit vanishes up to rounding.
     misfit = "misfit of displacement_max over its range, free gain and offset"
     assert float(scores["k1", misfit]["computed"]) < 1e-6 < float(scores["k1m", misfit]["computed"])
     assert misfit in (project / "results/tables/measured.html").read_text()
+    # A further row changes the data.
     table.write_text(table.read_text() + f"{float(curves.speed[-1]) - 1.0},up,11\n")
-    assert project.planned("measured", "resonance") == rules
-    # A row without a number is refused before any job starts.
+    assert project.planned_rules("measured", "resonance") == rules
+    # A row with NaN must be refused even by a dry run.
     table.write_text(table.read_text() + "3000,up,nan\n")
     refusal = project.snakemake("-n", "measured", succeed=False)
     assert "rig/sweeps.yaml: sweeps.csv, column 'peak', row" in refusal and "is empty" in refusal

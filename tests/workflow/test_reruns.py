@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from tests.unit.test_gear_names import GEOMETRY_CONFIG
-from tests.workflow.project import ROOT, Project, rules_in, small_project
+from tests.workflow.project import ROOT, Project, rules_in_job_table, small_project
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +26,7 @@ def planned_after(project, path, edit):
     text = (project / path).read_text(encoding="utf-8")
     try:
         (project / path).write_text(edit(text), encoding="utf-8")
-        return project.planned()
+        return project.planned_rules()
     finally:
         (project / path).write_text(text, encoding="utf-8")
 
@@ -54,7 +54,7 @@ def test_a_second_run_starts_no_job(project):
     text = yaml.safe_dump(dict(reversed(settings.items())), sort_keys=False)
     assert "400000000.0" in text
     (project / "config.yaml").write_text(text.replace("400000000.0", "4e8"), encoding="utf-8")
-    assert project.rules("-j2") == set()
+    assert project.run_rules("-j2") == set()
     assert (project / "results/provenance.json").read_bytes() == provenance
 
 
@@ -74,7 +74,7 @@ EDITS = {
 def test_an_edited_module_reruns_the_jobs_that_use_it(shared, first_run, path):
     rules = EDITS[path]
     if rules in ("all", "draw"):
-        run = rules_in(first_run[1])
+        run = rules_in_job_table(first_run[1])
         rules = {rule for rule in run if rules == "all" or rule.startswith("draw_")}
     planned = planned_after(shared, path, lambda text: f"{text}\n# one more line\n")
     assert planned == rules
@@ -109,7 +109,7 @@ def test_a_larger_stop_keeps_the_computed_windows(shared):
     # Sweeps up and down pass through the whole range and must be computed again.
     assert planned == {"cold/1.5000-2.3000", "up/0.5000-2.3000", "down/0.5000-2.3000"}
     rules = {"sweep_window", "gather_resonance", "draw_resonance", "draw_run_ups", "compute_claims"}
-    assert rules_in(printed) == rules
+    assert rules_in_job_table(printed) == rules
 
 
 def test_a_changed_damping_reruns_only_the_jobs_with_this_damping(shared):
@@ -123,10 +123,10 @@ def test_targets_and_the_command_line_choose_the_jobs(shared, tmp_path):
     """Only jobs for the changed keys and for the requested targets may be planned."""
     (tmp_path / "mine.yaml").write_text("phase_planes: {tunings: [0.9]}\n", encoding="utf-8")
     key = "phase_lag={periods: 110}"
-    planned = shared.planned("--configfile", tmp_path / "mine.yaml", "--config", key)
+    planned = shared.planned_rules("--configfile", tmp_path / "mine.yaml", "--config", key)
     assert {"phase_plane", "compute_phase_lag"} <= planned
     assert not {"sweep_window", "compute_basins"} & planned
-    paper = small_project(tmp_path / "project").planned("paper")
+    paper = small_project(tmp_path / "project").planned_rules("paper")
     assert {"draw_phase_lag", "draw_resonance", "draw_scene", "compute_claims"} <= paper
     assert not {"compute_basins", "work_precision_errors", "draw_branches"} & paper
 
@@ -145,7 +145,7 @@ def test_a_new_scene_runs_without_repeating_the_others(project):
     }
     project.configure(lambda settings: settings["scenes"].update(mine=scene))
     expected = {"scene", "compare_models", "draw_scene"}
-    assert project.rules("-j2", "results/figures/mine.png") == expected
+    assert project.run_rules("-j2", "results/figures/mine.png") == expected
     assert (project / "results/figures/mine.png").stat().st_size > 1000
     for path, modified in before.items():
         assert (project / path).stat().st_mtime_ns == modified, path
@@ -157,12 +157,12 @@ def test_each_project_writes_to_its_own_folder(project, tmp_path):
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(gears), encoding="utf-8")
     settings = ("--configfile", tmp_path / "mine.yaml", "--config", "phase_lag={periods: 100}")
     rules = {"compile_kernels", "compute_phase_lag", "draw_phase_lag", "phase_lag"}
-    assert project.rules(*arguments, *settings) == rules
+    assert project.run_rules(*arguments, *settings) == rules
     assert (tmp_path / "mine/results/figures/phase_shift.png").exists()
-    assert project.planned() == set()
+    assert project.planned_rules() == set()
     # Another configuration in the folder makes its results out of date.
     shutil.copy(ROOT / "config.yaml", tmp_path / "mine")
-    assert project.planned(*arguments) == rules - {"compile_kernels"}
+    assert project.planned_rules(*arguments) == rules - {"compile_kernels"}
 
 
 def test_a_failed_job_reports_the_failing_line_of_the_library(project):

@@ -14,7 +14,7 @@ from tests.unit.test_gear_names import (
     PLANETARY_SET_CONFIG,
     config_with_tip_relief,
 )
-from tests.workflow.declared import declared
+from tests.workflow.declared import read_declared_rules
 from tests.workflow.project import project_copy
 
 
@@ -27,25 +27,25 @@ def project(tmp_path_factory):
 @pytest.fixture(scope="module")
 def paper(project):
     """Return the rules for the paper's gear pair, the default configuration."""
-    return declared(project)
+    return read_declared_rules(project)
 
 
 def rules_of(project, configuration):
     """Return the rules for a configuration of other gears than the paper's."""
     (project / "mine.yaml").write_text(yaml.safe_dump(configuration), encoding="utf-8")
-    return declared(project, "--configfile", "mine.yaml")
+    return read_declared_rules(project, "--configfile", "mine.yaml")
 
 
 def test_each_target_has_a_rule_and_each_figure_and_table_a_caption(paper):
     assert {*TARGETS} <= {*paper.rules}
-    rendered = 0
+    caption_count = 0
     for name, rule in paper.rules.items():
         if name.startswith("draw_") or name.endswith("_table"):
             assert rule["captions"], name
         for path in rule["captions"]:
-            assert paper.rendered(rule, path).endswith(".") and rule["params"]["gears"]
-            rendered += 1
-    assert rendered >= 40
+            assert paper.render_caption(rule, path).endswith(".") and rule["params"]["gears"]
+            caption_count += 1
+    assert caption_count >= 40
 
 
 def test_gears_of_the_user_reach_the_studies_of_gear_geometry(project, paper):
