@@ -1,7 +1,7 @@
-"""A Slurm of one node, this machine, in a folder of its own: started, used, gone without a trace.
+"""Run a temporary Slurm cluster whose only node is this machine.
 
-munged, slurmctld and slurmd are the real programs of the distribution, with their sockets, keys,
-states and ports apart from those of a Slurm that may be installed.
+munged, slurmctld and slurmd are the installed programs. Their sockets, keys, states and ports are
+separate from those of a cluster that may already run, and are removed at the end.
 """
 
 import os
@@ -44,20 +44,20 @@ PartitionName=all Nodes={host} Default=YES MaxTime=INFINITE State=UP
 """
 
 
-def reason_against():
-    """Return the reason why Slurm cannot be started here, or None if it can."""
+def missing_requirement():
+    """Return a sentence on what Slurm needs to start on this machine, or None if it can start."""
     path = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])
     missing = [name for name in PROGRAMS if shutil.which(name, path=path) is None]
     if missing:
         return f"not installed: {', '.join(missing)}; `make slurm-test` installs them on Debian"
     if os.geteuid() != 0:
-        return "only root can start a Slurm"
+        return "only root can start Slurm"
     return None
 
 
 @contextmanager
-def one_node():
-    """Start Slurm on this machine, yield the environment for its commands, and stop it."""
+def run_slurm():
+    """Start Slurm on this machine, yield the environment of its commands, and stop it."""
     folder = Path(tempfile.mkdtemp(prefix="slurm-"))
     environment = {
         **os.environ,
@@ -74,12 +74,14 @@ def one_node():
             ["slurmctld", "-D"],
             ["slurmd", "-D"],
         ):
-            daemons.append(_start(command, environment, folder))
+            daemons.append(_start_daemon(command, environment, folder))
             if command[0] == "munged":
-                _wait(lambda: (munge / "socket").exists(), folder)
-        _wait(lambda: "idle" in _output(["sinfo", "-h", "-o", "%T"], environment), folder)
+                _wait_until(lambda: (munge / "socket").exists(), folder)
+        _wait_until(
+            lambda: "idle" in _run_command(["sinfo", "-h", "-o", "%T"], environment), folder
+        )
         yield environment
-        _output(["scancel", "--user=root", "--full"], environment)
+        _run_command(["scancel", "--user=root", "--full"], environment)
     finally:
         for daemon in reversed(daemons):
             daemon.terminate()
@@ -97,7 +99,7 @@ _MUNGE_FILES = {
 
 
 def _write_slurm_folder(folder):
-    """Write the configuration, the key of munged and a wrapper of srun into a folder."""
+    """Write the Slurm configuration, the secret key of munged and a wrapper script for srun."""
     # munged requires a socket that every user can reach and a key that no other user can read.
     folder.chmod(0o755)
     for name in ("munge", "state", "spool", "bin"):
@@ -110,11 +112,11 @@ def _write_slurm_folder(folder):
         host=socket.gethostname().split(".")[0],
         ports=_free_ports(2),
         cpus=os.cpu_count(),
-        memory=2100 * os.cpu_count(),  # MB, of which the profile asks 2000 for a job
+        memory=2100 * os.cpu_count(),  # MB; the profile requests 2000 MB per job
     )
     (folder / "slurm.conf").write_text(text, encoding="utf-8")
-    # Inside a job the executor plugin removes all variables SLURM_*, including the path of the
-    # configuration, before it calls srun.
+    # Inside a job, the executor plugin removes all variables SLURM_*, including SLURM_CONF, before
+    # it calls srun, so that a wrapper sets it again.
     srun = folder / "bin" / "srun"
     real = shutil.which("srun", path=os.environ["PATH"])
     srun.write_text(f'#!/bin/sh\nSLURM_CONF={folder}/slurm.conf exec {real} "$@"\n')
@@ -122,38 +124,39 @@ def _write_slurm_folder(folder):
 
 
 def _free_ports(count):
-    """Return numbers of free ports."""
+    """Return the numbers of `count` free TCP ports."""
     sockets = [socket.socket() for _ in range(count)]
-    for unbound in sockets:
-        unbound.bind(("127.0.0.1", 0))
-    ports = [bound.getsockname()[1] for bound in sockets]
-    for bound in sockets:
-        bound.close()
+    for port_socket in sockets:
+        port_socket.bind(("127.0.0.1", 0))  # the system chooses a free port
+    ports = [port_socket.getsockname()[1] for port_socket in sockets]
+    for port_socket in sockets:
+        port_socket.close()
     return ports
 
 
-def _start(command, environment, folder):
-    """Start a daemon that ends with this process."""
-    # The kernel sends the signal however this process ends.
+def _start_daemon(command, environment, folder):
+    """Start a daemon that ends with this process, and write its output to a file."""
+    log_path = folder / f"{command[0]}.out"
+    # The kernel terminates the daemon even if this process is killed.
     command = ["setpriv", "--pdeathsig=TERM", *command]
-    with open(folder / f"{command[2]}.out", "wb") as log:
+    with open(log_path, "wb") as log:
         return subprocess.Popen(
             command, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log
         )
 
 
-def _output(command, environment):
-    """Return the output of a command."""
+def _run_command(command, environment):
+    """Run a command and return its output."""
     options = {"env": environment, "capture_output": True, "text": True, "timeout": 300}
     return subprocess.run(command, **options).stdout
 
 
-def _wait(ready, folder, seconds=300):
-    """Wait until `ready()` is true, or raise an error with the logs of the daemons."""
-    end = time.monotonic() + seconds
-    while not ready():
-        if time.monotonic() > end:
+def _wait_until(is_ready, folder, seconds=300):
+    """Wait until `is_ready()` is true, or raise an error with the logs of the daemons."""
+    deadline = time.monotonic() + seconds
+    while not is_ready():
+        if time.monotonic() > deadline:
             paths = sorted([*folder.glob("*.log"), *folder.glob("*.out")])
             logs = "\n".join(path.read_text() for path in paths)
-            raise RuntimeError(f"Slurm did not come up within {seconds} s\n{logs}")
+            raise RuntimeError(f"Slurm did not start within {seconds} s\n{logs}")
         time.sleep(0.2)

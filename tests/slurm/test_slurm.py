@@ -1,4 +1,4 @@
-"""The workflow through profiles/slurm on a real Slurm of one node ends with the same bytes."""
+"""The workflow with profiles/slurm writes the same bytes on a real Slurm as locally."""
 
 import subprocess
 
@@ -12,35 +12,38 @@ TARGETS = ["results/resonance.nc", "results/figures/fig2_phase_shift.png"]
 
 @pytest.fixture(scope="module")
 def slurm():
-    """Return the environment in which commands find a running Slurm."""
+    """Return the environment in which commands find the running Slurm cluster."""
     pytest.importorskip("snakemake_executor_plugin_slurm", reason="the extra `slurm` is missing")
-    if reason := cluster.reason_against():
+    if reason := cluster.missing_requirement():
         pytest.skip(reason)
-    with cluster.one_node() as environment:
+    with cluster.run_slurm() as environment:
         yield environment
 
 
-def only_a_few_jobs(settings):
-    """Reduce a configuration to few jobs, because each job takes seconds on Slurm."""
-    keep_dampings(settings, "k1")
-    settings["resonance"] |= {"directions": ["cold", "up"]}
-    settings["targets"] = ["phase_lag", "resonance"]
+def reduce_to_few_jobs(configuration):
+    """Reduce a configuration in place to six jobs, because each job takes seconds on Slurm."""
+    keep_dampings(configuration, "k1")
+    configuration["resonance"] |= {"directions": ["cold", "up"]}
+    configuration["targets"] = ["phase_lag", "resonance"]
 
 
 def results(project):
-    """Return the contents of result files by path, without the provenance, which has dates."""
-    return {path: text for path, text in project.results().items() if "provenance" not in path}
+    """Return the contents of result files by path, without the provenance, which contains dates."""
+    return {
+        path: content for path, content in project.results().items() if "provenance" not in path
+    }
 
 
 @pytest.mark.slow
 def test_jobs_on_slurm_write_the_same_bytes_as_local_jobs(slurm, tmp_path):
-    here, there = (small_project(tmp_path / name) for name in ("here", "there"))
-    for project in (here, there):
-        project.configure(only_a_few_jobs)
-    here.snakemake("-j2", *TARGETS)
-    # Slurm has no accounting here. The status of a job that still runs is asked for again after ten
-    # seconds, so that the first question is delayed by 9 s.
-    printed = there.snakemake(
+    """Results must not depend on where jobs run, and every job must run on Slurm."""
+    local_project, slurm_project = (small_project(tmp_path / name) for name in ("local", "slurm"))
+    for project in (local_project, slurm_project):
+        project.configure(reduce_to_few_jobs)
+    local_project.snakemake("-j2", *TARGETS)
+    # The cluster has no accounting. The plugin checks the status of a job again only after ten
+    # seconds, so that the first check is delayed by 9 s, when most jobs have finished.
+    output = slurm_project.snakemake(
         *TARGETS,
         "--profile=profiles/slurm",
         "--slurm-status-command=squeue",
@@ -49,16 +52,17 @@ def test_jobs_on_slurm_write_the_same_bytes_as_local_jobs(slurm, tmp_path):
         "--latency-wait=5",
         **slurm,
     )
-    jobs = printed.count("has been submitted with SLURM jobid")
-    # The jobs are kernels, a window, an upward sweep, gathering, the phase lag and its figure.
-    assert jobs == 1 + 2 + 1 + 2, printed
-    assert results(there) == results(here)
-    assert set(TARGETS) <= set(here.results())
-    finished = subprocess.run(
+    job_count = output.count("has been submitted with SLURM jobid")
+    # The jobs compile kernels, compute a window and an upward sweep, gather them, compute the phase
+    # lag and draw it.
+    assert job_count == 6, output
+    assert results(slurm_project) == results(local_project)
+    assert set(TARGETS) <= set(local_project.results())
+    job_states = subprocess.run(
         ["squeue", "--states=all", "--noheader", "--format=%T"],
         env=slurm,
         capture_output=True,
         text=True,
         check=True,
     ).stdout.split()
-    assert finished == ["COMPLETED"] * jobs
+    assert job_states == ["COMPLETED"] * job_count

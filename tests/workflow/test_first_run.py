@@ -69,7 +69,7 @@ def test_every_job_runs_with_the_processor_settings_of_the_library(records):
 
 
 def test_numbers_behind_the_figures_match_golden_data(first_run):
-    """The workflow must write the datasets of golden data with the same numbers up to tolerances."""
+    """The workflow must write the golden datasets with equal numbers up to tolerances."""
     results = first_run[0] / "results"
     names = golden.dataset_names(results)
     golden_paths = golden.FOLDER.rglob("*.nc")

@@ -22,7 +22,7 @@ SWEEPS = {
 
 
 def test_measured_data_are_scored_rerun_their_jobs_and_are_refused_if_damaged(project):
-    """Computed sweeps as measured data must fit their own model, rerun jobs and be checked first."""
+    """Computed sweeps that serve as measured data must fit the model that computed them."""
     curves = xr.load_dataset(project / "results/resonance.nc").sel(damping="k1")
     micrometres_per_deflection = 1e6 * float(curves.static_deflection)
     peaks = curves.displacement_max * micrometres_per_deflection

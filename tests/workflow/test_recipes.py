@@ -38,7 +38,7 @@ def follow_recipe(folder, heading):
 
 @pytest.fixture
 def library_copy(tmp_path):
-    """Return a folder with a library_copy of the library and its tests."""
+    """Return a folder with a copy of the library and its tests."""
     ignored = shutil.ignore_patterns("__pycache__", "golden")
     for name in ("gearlib", "tests"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)

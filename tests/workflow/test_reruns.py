@@ -1,4 +1,4 @@
-"""Jobs that the workflow runs after a change, and its refusals, by the real Snakemake."""
+"""Which jobs the real Snakemake runs after a change, and which configurations are refused."""
 
 import os
 import re
@@ -14,15 +14,15 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def shared(first_run, tmp_path_factory):
+def unchanged_project(first_run, tmp_path_factory):
     """Return a copy of the project with all its results, which tests must leave unchanged."""
-    folder = tmp_path_factory.mktemp("shared") / "project"
+    folder = tmp_path_factory.mktemp("unchanged_project") / "project"
     shutil.copytree(first_run[0].folder, folder)
     return Project(folder)
 
 
-def planned_after(project, path, edit):
-    """Return the rules that would run after an edit of a file, and undo the edit."""
+def rules_after_edit(project, path, edit):
+    """Return the rules that would run after an edit of a file, and restore the file."""
     text = (project / path).read_text(encoding="utf-8")
     try:
         (project / path).write_text(edit(text), encoding="utf-8")
@@ -31,21 +31,24 @@ def planned_after(project, path, edit):
         (project / path).write_text(text, encoding="utf-8")
 
 
-def planned_with(project, change):
-    """Return the rules that would run with a changed configuration, and undo the change."""
+def rules_with_change(project, change):
+    """Return the rules that would run with a changed configuration, and restore the file.
+
+    `change` modifies the configuration dict in place.
+    """
 
     def edit(text):
         """Return the text of the changed configuration."""
-        settings = yaml.safe_load(text)
-        change(settings)
-        return yaml.safe_dump(settings, sort_keys=False)
+        configuration = yaml.safe_load(text)
+        change(configuration)
+        return yaml.safe_dump(configuration, sort_keys=False)
 
-    return planned_after(project, "config.yaml", edit)
+    return rules_after_edit(project, "config.yaml", edit)
 
 
 def test_a_second_run_starts_no_job(project):
+    """New dates, another order of keys and another notation of a number must not rerun any job."""
     provenance = (project / "results/provenance.json").read_bytes()
-    # Files get new dates, and the configuration another order and spelling of its values.
     for path in project.folder.rglob("*"):
         if ".snakemake" not in path.parts and "results" not in path.parts:
             os.utime(path)
@@ -58,8 +61,9 @@ def test_a_second_run_starts_no_job(project):
     assert (project / "results/provenance.json").read_bytes() == provenance
 
 
-#: Rules that run again after an edit of a module; "all" means all jobs and "draw" all figures.
-EDITS = {
+#: Module -> rules that must run again after an edit. "all" means all rules, and "draw" means the
+#: rules of figures.
+RULES_AFTER_EDITS = {
     "gearlib/engines/pair/events.py": "all",
     "gearlib/figures/style.py": "draw",
     "gearlib/analysis/global_dynamics/poincare.py": {
@@ -70,20 +74,23 @@ EDITS = {
 }
 
 
-@pytest.mark.parametrize("path", EDITS)
-def test_an_edited_module_reruns_the_jobs_that_use_it(shared, first_run, path):
-    rules = EDITS[path]
-    if rules in ("all", "draw"):
-        run = rules_in_job_table(first_run[1])
-        rules = {rule for rule in run if rules == "all" or rule.startswith("draw_")}
-    planned = planned_after(shared, path, lambda text: f"{text}\n# one more line\n")
-    assert planned == rules
+@pytest.mark.parametrize("path", RULES_AFTER_EDITS)
+def test_an_edited_module_reruns_the_jobs_that_use_it(unchanged_project, first_run, path):
+    """An edit must rerun exactly the jobs that load the edited module."""
+    expected = RULES_AFTER_EDITS[path]
+    if expected in ("all", "draw"):
+        _, output = first_run
+        all_rules = rules_in_job_table(output)
+        drawing_rules = {rule for rule in all_rules if rule.startswith("draw_")}
+        expected = all_rules if expected == "all" else drawing_rules
+    rules = rules_after_edit(unchanged_project, path, lambda text: f"{text}\n# one more line\n")
+    assert rules == expected
 
 
 TRIAL = {"name": "mine", "method": "newmark", "options": {"contact": "frozen"}}
 #: Changes of the configuration, and the rules whose jobs run after them.
 CHANGES = {
-    "another colour, and more of the courses of a scene": (
+    "another colour and a longer time history in a scene": (
         lambda c: (
             c["figures"]["colours"].update(k1="#123456"),
             c["scenes"]["fig7_damping"].update(periods_shown=2),
@@ -98,42 +105,48 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_a_changed_configuration_key_reruns_the_jobs_that_use_it(shared, name):
+def test_a_changed_configuration_key_reruns_the_jobs_that_use_it(unchanged_project, name):
     change, expected = CHANGES[name]
-    assert planned_with(shared, change) == expected
+    assert rules_with_change(unchanged_project, change) == expected
 
 
-def test_a_larger_stop_keeps_the_computed_windows(shared):
-    printed = shared.snakemake("-n", "--config", "resonance={stop: 2.3}")
-    planned = {*re.findall(r"^    output: results/resonance/k1/(.*).nc$", printed, re.M)}
-    # Sweeps up and down pass through the whole range and must be computed again.
-    assert planned == {"cold/1.5000-2.3000", "up/0.5000-2.3000", "down/0.5000-2.3000"}
+def test_a_larger_tuning_range_keeps_the_computed_windows(unchanged_project):
+    """Only the new window of sweeps from rest must be computed, because each run starts anew."""
+    output = unchanged_project.snakemake("-n", "--config", "resonance={stop: 2.3}")
+    windows = {*re.findall(r"^    output: results/resonance/k1/(.*).nc$", output, re.M)}
+    # Sweeps up and down pass on their state, so that the whole range is computed again.
+    assert windows == {"cold/1.5000-2.3000", "up/0.5000-2.3000", "down/0.5000-2.3000"}
     rules = {"sweep_window", "gather_resonance", "draw_resonance", "draw_run_ups", "compute_claims"}
-    assert rules_in_job_table(printed) == rules
+    assert rules_in_job_table(output) == rules
 
 
-def test_a_changed_damping_reruns_only_the_jobs_with_this_damping(shared):
-    planned = planned_with(shared, lambda c: c["dampings"]["k1"].update(material_damping=4000))
-    assert {"sweep_window", "label", "phase_plane", "compute_branches"} <= planned
-    unaffected = {"compute_basins", "compute_stability_chart", "compute_phase_lag", "trial"}
-    assert not unaffected & planned
+def test_a_changed_damping_reruns_only_the_jobs_with_this_damping(unchanged_project):
+    """Studies that do not use the damping k1 must not run again."""
+    rules = rules_with_change(
+        unchanged_project, lambda c: c["dampings"]["k1"].update(material_damping=4000)
+    )
+    assert {"sweep_window", "label", "phase_plane", "compute_branches"} <= rules
+    unaffected_rules = {"compute_basins", "compute_stability_chart", "compute_phase_lag", "trial"}
+    assert not unaffected_rules & rules
 
 
-def test_targets_and_the_command_line_choose_the_jobs(shared, tmp_path):
-    """Only jobs for the changed keys and for the requested targets may be planned."""
+def test_targets_and_the_command_line_choose_the_jobs(unchanged_project, tmp_path):
+    """Only jobs that depend on changed keys, or that a requested target needs, may be planned."""
     (tmp_path / "mine.yaml").write_text("phase_planes: {tunings: [0.9]}\n", encoding="utf-8")
-    key = "phase_lag={periods: 110}"
-    planned = shared.planned_rules("--configfile", tmp_path / "mine.yaml", "--config", key)
-    assert {"phase_plane", "compute_phase_lag"} <= planned
-    assert not {"sweep_window", "compute_basins"} & planned
-    paper = small_project(tmp_path / "project").planned_rules("paper")
-    assert {"draw_phase_lag", "draw_resonance", "draw_scene", "compute_claims"} <= paper
-    assert not {"compute_basins", "work_precision_errors", "draw_branches"} & paper
+    phase_lag_change = "phase_lag={periods: 110}"
+    changed_rules = unchanged_project.planned_rules(
+        "--configfile", tmp_path / "mine.yaml", "--config", phase_lag_change
+    )
+    assert {"phase_plane", "compute_phase_lag"} <= changed_rules
+    assert not {"sweep_window", "compute_basins"} & changed_rules
+    paper_rules = small_project(tmp_path / "project").planned_rules("paper")
+    assert {"draw_phase_lag", "draw_resonance", "draw_scene", "compute_claims"} <= paper_rules
+    assert not {"compute_basins", "work_precision_errors", "draw_branches"} & paper_rules
 
 
 def test_a_new_scene_runs_without_repeating_the_others(project):
-    """Adding a scene must run its own jobs and leave all existing results as they are."""
-    before = {path: (project / path).stat().st_mtime_ns for path in project.results()}
+    """A new scene must run its own jobs and leave all existing results unchanged."""
+    modification_times = {path: (project / path).stat().st_mtime_ns for path in project.results()}
     case = {"title": "mine", "damping": "k1", "tuning": 0.9, "change": {"contact_ratio": 1.3}}
     scene = {
         "model": "six_degrees",
@@ -147,25 +160,27 @@ def test_a_new_scene_runs_without_repeating_the_others(project):
     expected = {"scene", "compare_models", "draw_scene"}
     assert project.run_rules("-j2", "results/figures/mine.png") == expected
     assert (project / "results/figures/mine.png").stat().st_size > 1000
-    for path, modified in before.items():
-        assert (project / path).stat().st_mtime_ns == modified, path
+    for path, modification_time in modification_times.items():
+        assert (project / path).stat().st_mtime_ns == modification_time, path
 
 
-def test_each_project_writes_to_its_own_folder(project, tmp_path):
+def test_results_in_another_folder_are_independent_of_the_project(project, tmp_path):
+    """A run with `--directory` must use and write only files in that folder."""
     arguments = ("--directory", tmp_path / "mine", "phase_lag", "-j2")
-    gears = {"gear_pair": {"max_stiffness": 3e8}, "targets": ["phase_lag"]}
-    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(gears), encoding="utf-8")
-    settings = ("--configfile", tmp_path / "mine.yaml", "--config", "phase_lag={periods: 100}")
+    configuration = {"gear_pair": {"max_stiffness": 3e8}, "targets": ["phase_lag"]}
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(configuration), encoding="utf-8")
+    options = ("--configfile", tmp_path / "mine.yaml", "--config", "phase_lag={periods: 100}")
     rules = {"compile_kernels", "compute_phase_lag", "draw_phase_lag", "phase_lag"}
-    assert project.run_rules(*arguments, *settings) == rules
+    assert project.run_rules(*arguments, *options) == rules
     assert (tmp_path / "mine/results/figures/phase_shift.png").exists()
     assert project.planned_rules() == set()
-    # Another configuration in the folder makes its results out of date.
+    # A configuration file in the folder takes effect and makes the results outdated.
     shutil.copy(ROOT / "config.yaml", tmp_path / "mine")
     assert project.planned_rules(*arguments) == rules - {"compile_kernels"}
 
 
-def test_a_failed_job_reports_the_failing_line_of_the_library(project):
+def test_a_failed_job_reports_the_error_of_the_library(project):
+    """The output must contain the error message, and no result may be written."""
     module = project / "gearlib/studies/claims.py"
     with module.open("a") as source:
         source.write("\nraise RuntimeError(f'claims are broken in {__file__}')\n")
@@ -174,18 +189,18 @@ def test_a_failed_job_reports_the_failing_line_of_the_library(project):
     assert not (project / "results/claims.csv").exists()
 
 
-def test_the_linter_of_snakemake_reports_nothing(shared):
-    assert "good condition" in shared.snakemake("--lint")
+def test_the_linter_of_snakemake_reports_nothing(unchanged_project):
+    assert "good condition" in unchanged_project.snakemake("--lint")
 
 
 def test_a_wrong_configuration_is_refused_in_one_sentence(project):
-    """Try a missing key, an unknown target and a file that is not YAML."""
+    """Wrong values, missing keys, unknown targets and invalid YAML must each give one sentence."""
 
     def refusal(*arguments):
-        """Return the last line that a refused dry run prints."""
-        printed = project.snakemake("-n", *arguments, succeed=False)
-        assert "Traceback" not in printed and ".smk" not in printed
-        return printed.splitlines()[-1]
+        """Return the last line of the output of a dry run that is refused."""
+        output = project.snakemake("-n", *arguments, succeed=False)
+        assert "Traceback" not in output and ".smk" not in output
+        return output.splitlines()[-1]
 
     correlations = "correlations: [{parameters: [load, backlash], rho: 0.4}]"
     project.snakemake("-n", "-q", "--config", f"tolerances={{{correlations}}}")

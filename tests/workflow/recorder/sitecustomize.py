@@ -1,4 +1,7 @@
-"""Record the rule and the loaded modules of each job of the small workflow, at its start."""
+"""Record the rule, inputs and loaded modules of each job of the small workflow.
+
+Python imports this module at the start of each process.
+"""
 
 import atexit
 import json
@@ -10,12 +13,12 @@ _ENVIRONMENT = dict(os.environ)
 
 
 def write_record():
-    """Write the rule and the loaded modules of this job to the folder GEARLIB_RECORDS, as JSON."""
-    # Snakemake puts this object into the main module of a job.
+    """Write a JSON record of this job to the folder GEARLIB_RECORDS when its process ends."""
+    # Snakemake defines this object in the main module of a job.
     job = getattr(sys.modules["__main__"], "snakemake", None)
     if not hasattr(job, "rule"):
         return
-    files = {getattr(module, "__file__", None) for module in [*sys.modules.values()]}
+    module_files = {getattr(module, "__file__", None) for module in [*sys.modules.values()]}
     record = {
         "rule": job.rule,
         # Snakemake runs a copy of the script, whose name has a random prefix.
@@ -24,7 +27,7 @@ def write_record():
         "output": [*job.output],
         "params": dict(job.params.items()),
         "sources": [line.split("  ", 1)[1] for line in open(job.input.sources).read().splitlines()],
-        "loaded": sorted(filter(None, files)),
+        "loaded": sorted(filter(None, module_files)),
         "environment": _ENVIRONMENT,
     }
     Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}.json").write_text(
