@@ -110,8 +110,9 @@ def assert_same_phases(train, machine):
 def assert_friction_opposes_sliding(train, machine, rng):
     """Assert that friction in the system of `tests.independent` opposes the sliding of teeth.
 
-    A contact of this system has the row `across`, along which friction acts on its bodies. Its two
-    sides have the coefficient `friction` and the phase `turns` at which sliding changes its sign.
+    Each contact of this system has a `friction_row`, along which friction acts on its bodies. Its
+    sides have the coefficient `friction` and the phase `sliding_reversal` at which the sliding
+    direction changes.
     """
     meshes = [dataclasses.replace(m, friction=(0.05, 0.08), backlash=1e-5) for m in train.meshes]
     supported = {"mass": 1.0, "support_stiffness": 1e8}
@@ -119,21 +120,23 @@ def assert_friction_opposes_sliding(train, machine, rng):
     assembled = system_of(describe(train.replace(meshes=meshes, bodies=bodies)), 0.9)
     for mesh, contact in zip(machine.meshes, assembled.contacts, strict=True):
         driver = mesh[0]
-        rows = np.array(assembled.fixed(driver))
+        rows = np.array(assembled.centre_rows(driver))
         for side, code in zip(contact["sides"], (1, -1), strict=True):
             flanks = Flanks(machine, mesh, code < 0)
             begin, pitch, end = machine.contact_times(mesh, code < 0)
             # The tooth pair that is nearest to the pitch point decides on the sign.
             for time in rng.uniform(max(begin, pitch - 0.5), min(end, pitch + 0.5), 6):
-                turn = time * math.copysign(machine.gears[driver].pitch, machine.speed[driver])
-                slip = flanks.slip(flanks.point(0, machine.tooth_angles[driver] + turn))
-                direction = equations.sense(1, side["turns"], math.tau * time)
+                rotation = time * math.copysign(machine.gears[driver].pitch, machine.speed[driver])
+                slip = flanks.slip(flanks.point(0, machine.tooth_angles[driver] + rotation))
+                direction = equations.sliding_direction(
+                    1, side["sliding_reversal"], math.tau * time
+                )
                 # This is the friction force on the driver, divided by the normal force.
-                x, y = -code * side["friction"] * direction * (rows @ contact["across"])
+                x, y = -code * side["friction"] * direction * (rows @ contact["friction_row"])
                 # The model uses the line of action of the drive side on the coast side, too.
-                least = 0.999 * math.hypot(x, y) * abs(slip) if code > 0 else 0.0
+                minimum_power = 0.999 * math.hypot(x, y) * abs(slip) if code > 0 else 0.0
                 assert math.hypot(x, y) == pytest.approx(abs(side["friction"]), rel=1e-9)
-                assert x * slip.real + y * slip.imag <= -least
+                assert x * slip.real + y * slip.imag <= -minimum_power
 
 
 def exchanged(meshes):

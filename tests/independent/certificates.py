@@ -19,7 +19,7 @@ from tests.independent.equations import Equations, exact
 from tests.independent.systems import system_of
 
 mp.dps = 50
-#: Error of values that follow from the centre of a box with 20 digits.
+#: Error of values that follow from the centre of an enclosure with 20 digits.
 _ROUNDING = mpf(10) ** -17
 
 
@@ -54,30 +54,37 @@ class Motion:
         self.free_coordinates = [i for i, name in enumerate(names) if name not in claim["fixed"]]
         stiffness = system.stiffness
         for drive, *_ in (contact["sides"] for contact in system.contacts):
-            stiffness = stiffness + drive["profile"]["threshold"] * np.outer(drive["row"], drive["row"])
-        stiffness_inverse = mp.matrix(stiffness[np.ix_(self.free_coordinates, self.free_coordinates)].tolist()) ** -1
-        #: Kept coordinates without rigid-body motion are this matrix times all coordinates.
+            stiffness = stiffness + drive["profile"]["threshold"] * np.outer(
+                drive["row"], drive["row"]
+            )
+        free_stiffness = stiffness[np.ix_(self.free_coordinates, self.free_coordinates)]
+        stiffness_inverse = mp.matrix(free_stiffness.tolist()) ** -1
+        #: Free coordinates without rigid-body motion are this matrix times all coordinates.
         self.reduction = np.array(stiffness_inverse.tolist()) @ stiffness[self.free_coordinates]
 
     def enclosures(self):
-        """Return the claimed enclosures of the kept coordinates and of their velocities."""
-        return [self.claim[name][i] for name in ("displacement", "velocity") for i in self.free_coordinates]
+        """Return the claimed enclosures of the free coordinates and of their velocities."""
+        return [
+            self.claim[name][i]
+            for name in ("displacement", "velocity")
+            for i in self.free_coordinates
+        ]
 
     def move(self, state, period=None, recorded=0):
-        """Return (final state, motion) over some mesh periods from kept coordinates and velocities.
+        """Return (final state, motion) over some mesh periods from free coordinates and velocities.
 
-        `period` is the number of mesh periods, by default that of the claim. Extrema are taken over
-        the last `recorded` periods.
+        `period` is the number of mesh periods, by default the period of the claim. Extrema are
+        taken over the last `recorded` periods.
         """
         full, periods = np.full((2, self.equations.n), mpf(0)), period or self.claim["period"]
         full[:, self.free_coordinates] = np.reshape(state, (2, -1))
-        options = {"recorded": recorded, "codes": self.claim["contacts"]}
+        options = {"recorded": recorded, "contact_states": self.claim["contacts"]}
         motion = program.move(self.equations, periods, full.ravel(), **options)
         reduced_state = np.reshape(motion.state, (2, -1)) @ self.reduction.T
         return reduced_state.ravel(), motion
 
     def orbit(self, iterations=1):
-        """Return (state, motion, multipliers) of the orbit by Newton steps from the box centres."""
+        """Return (state, motion, multipliers) of the orbit by Newton's method from the centres."""
         centres = [(mpf(low) + mpf(high)) / 2 for low, high in self.enclosures()]
 
         def change(*state):
@@ -90,30 +97,37 @@ class Motion:
         return state, self.move(state, recorded=recorded)[1], multipliers
 
     def find_contradictions(self, orbit):
-        """Return sorted words for the parts of the claim that an orbit of `orbit` refutes."""
+        """Return the sorted names of the parts of the claim that `orbit` contradicts.
+
+        `orbit` is a result of the method of this name.
+        """
         claim, (state, motion, multipliers), n = self.claim, orbit, len(self.free_coordinates)
         meshes = claim["model"].get("meshes", [{"name": "mesh"}])
         events = [(meshes[e.contact]["name"], e.before, e.after, e) for e in motion.events]
-        listed = [(e.get("mesh", "mesh"), e["before"], e["after"], e) for e in claim["events"]]
+        claimed_events = [
+            (e.get("mesh", "mesh"), e["before"], e["after"], e) for e in claim["events"]
+        ]
         # Events at equal phases, up to rounding, have no order.
         events.sort(key=lambda row: (nstr(row[3].phase, 15), row[0]))
-        listed.sort(key=lambda row: (nstr(mpf(row[3]["phase"][0]), 15), row[0]))
-        if [row[:3] for row in events] != [row[:3] for row in listed]:
+        claimed_events.sort(key=lambda row: (nstr(mpf(row[3]["phase"][0]), 15), row[0]))
+        if [row[:3] for row in events] != [row[:3] for row in claimed_events]:
             return ["contacts"]
         names = ["displacement"] * n + ["velocity"] * n
         rows = zip(names, self.enclosures(), state, strict=True)
         checks = [(name, _contains(enclosure, value, margin=0)) for name, enclosure, value in rows]
-        for (*_, event), (*_, enclosure) in zip(events, listed, strict=True):
+        for (*_, event), (*_, enclosure) in zip(events, claimed_events, strict=True):
             checks.append(("phase", _contains(enclosure["phase"], event.phase)))
             checks.append(("speed", _contains(enclosure["velocity"], event.side_rate)))
         for name, extremum in (("displacement_min", min), ("displacement_max", max)):
             if name in claim:
-                checks.append((name, _contains(claim[name], extremum(motion.record.displacements[0]))))
+                checks.append(
+                    (name, _contains(claim[name], extremum(motion.record.displacements[0])))
+                )
         is_inside = [
             [all(map(_contains, enclosure, (root.real, root.imag))) for root in multipliers]
             for enclosure in claim["multipliers"]
         ]
-        # Each box holds a multiplier, and each multiplier lies in a box.
+        # Each enclosure contains a multiplier, and each multiplier lies in an enclosure.
         checks += [("multiplier", np.any(is_inside, axis=axis).all()) for axis in (0, 1)]
         shorter_periods = [p for p in range(1, claim["period"]) if claim["period"] % p == 0]
         repeats = [max(abs(self.move(state, p)[0] - state)) < 1e-9 for p in shorter_periods]
@@ -139,7 +153,7 @@ def _contains(enclosure, value, margin=_ROUNDING):
 
 
 def _find_range_contradictions(claim):
-    """Return sorted words for the faults of a claimed range, checked at both ends of each piece."""
+    """Return the contradicted parts of a claimed range, checked at both ends of each piece."""
     claim = claim | {name: exact(mp, claim[name]) for name in ("pieces", "start", "stop")}
     ends = [(piece["start"], piece["stop"]) for piece in claim["pieces"]]
     joined = all(left[1] == right[0] for left, right in pairwise(ends))
@@ -162,7 +176,7 @@ def _find_range_contradictions(claim):
 
 
 def _claim_at(pattern, piece, tuning):
-    """Return the claim that a piece of a range makes of the orbit at one of its tunings."""
+    """Return the claim about the orbit at one tuning within a piece of a range."""
     rows = zip(piece["centre"], piece["radii"], strict=True)
     x, (lower_velocity, upper_velocity), *phases = [(c - r, c + r) for c, r in rows]
     velocity, unbounded = (lower_velocity / tuning, upper_velocity / tuning), (-math.inf, math.inf)
@@ -174,7 +188,7 @@ def _claim_at(pattern, piece, tuning):
 
 
 def find_contradictions(claim):
-    """Return a list of words for what the orbits in 50 digits refute of a claim of any kind."""
+    """Return the names of the parts of a claim that an orbit in 50 digits contradicts."""
     if claim["claim"] == "range":
         return _find_range_contradictions(claim)
     motion = Motion(claim)
@@ -182,7 +196,7 @@ def find_contradictions(claim):
 
 
 def main(path):
-    """Print the faults of a file of certificates and return the number of claims with faults."""
+    """Print the contradicted parts of all certificates in a file and return their number."""
     with open(path, encoding="utf-8") as file:
         claims = [row for row in json.load(file) if row["claim"] not in ("count", "refusal")]
     refuted_claims = [(claim, parts) for claim in claims if (parts := find_contradictions(claim))]

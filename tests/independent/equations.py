@@ -4,17 +4,24 @@
 
 All is in SI units, in the numbers of a context of mpmath: `mpmath.fp` computes in floats,
 `mpmath.mp` in as many digits as it is set to. The phase tau runs with the constant `speed`, rad/s;
-`length`, m, and `force`, N/m, are units. `forces` have a row (n), and the order of a derivative by
-time of waves (frequency, cosine, sine).
+`length`, m, and `force`, N/m, are units. Each entry of `forces` has a row (n), the order of a time
+derivative and harmonic terms (frequency, cosine, sine).
 
-A contact has ``frequency_ratio`` (periods of its stiffness per period of the phase), ``oil_damping`` and, on each
-side, ``material_damping`` damping (linear, quadratic, cubic), ``nonlinear_stiffness`` of the elastic force (quadratic,
-cubic), ``friction_row`` (n, direction of friction), ``displacement_origin`` (distance of displacement zero) and
-``sides``: the drive side touches where its distance row . q + constant + waves is positive, the
-coast side, if there is one, where its own is negative. A side has ``row``, ``constant``, ``harmonic_terms``,
-``friction``, ``sliding_reversal`` (periods at which the sliding turns to 1) and ``profile``, its stiffness:
-``breakpoints`` in [0, 2 pi), ``segments`` (value, slope) from each on, ``harmonic_terms``, ``shift`` in periods,
-``high``: below it counts as low.
+A contact has the fields
+
+- ``frequency_ratio``: periods of its stiffness per period of the phase,
+- ``oil_damping``: damping coefficients (linear, quadratic, cubic) in free flight,
+- ``nonlinear_stiffness``: coefficients (quadratic, cubic) of the elastic force,
+- ``friction_row`` (n): direction in which friction acts,
+- ``displacement_origin``: distance at which the displacement is zero,
+- ``sides``: the drive side, which touches where its distance row . q + constant + harmonic terms is
+  positive, and, if there is one, the coast side, which touches where its distance is negative.
+
+A side has ``row``, ``constant``, ``harmonic_terms``, ``friction``, ``material_damping`` (linear,
+quadratic, cubic), ``sliding_reversal`` (mesh periods at which the sliding direction changes to 1)
+and ``profile``, its stiffness: ``breakpoints`` in [0, 2 pi), the ``segments`` (value, slope) that
+begin there, ``harmonic_terms``, ``shift`` in periods and ``threshold``, below which the stiffness
+counts as low.
 """
 
 import math
@@ -84,37 +91,53 @@ class System:
         """Add a mass that moves by `row @ q`."""
         self.mass = self.mass + mass * np.outer(row, row)
 
-    def profile(self, breakpoints, segments, harmonic_terms=(), high=None, shift=0):
-        """Return a ``profile`` of a stiffness, as the module describes it.
+    def profile(self, breakpoints, segments, harmonic_terms=(), threshold=None, shift=0):
+        """Return a stiffness ``profile`` with the fields that the module docstring describes.
 
-        If `high` is None, a stiffness below the mean counts as low.
+        `threshold` is the mean stiffness if it is None.
         """
-        if high is None:
-            ends, period = [*breakpoints[1:], breakpoints[0] + 2 * self.context.pi], 2 * self.context.pi
+        if threshold is None:
+            ends, period = (
+                [*breakpoints[1:], breakpoints[0] + 2 * self.context.pi],
+                2 * self.context.pi,
+            )
             rows = zip(breakpoints, ends, segments, strict=True)
-            high = sum((u - t) * (c + k * (u - t) / 2) for t, u, (c, k) in rows) / period
-        return dict(breakpoints=breakpoints, segments=segments, harmonic_terms=harmonic_terms, threshold=threshold, shift=shift)
+            threshold = sum((u - t) * (c + k * (u - t) / 2) for t, u, (c, k) in rows) / period
+        return dict(
+            breakpoints=breakpoints,
+            segments=segments,
+            harmonic_terms=harmonic_terms,
+            threshold=threshold,
+            shift=shift,
+        )
 
     def rectangular_profile(self, mesh, shift=0):
         """Return the ``profile`` of Eq. (1) of the paper, C_max around `shift`, in periods."""
         half, high = self.context.pi * (mesh["contact_ratio"] - 1), mesh["max_stiffness"]
         segments = [(high * mesh["stiffness_ratio"], 0), (high, 0)]
-        return self.profile([half, 2 * self.context.pi - half], segments, threshold=threshold, shift=shift)
+        return self.profile(
+            [half, 2 * self.context.pi - half], segments, threshold=high, shift=shift
+        )
 
     def add_contact(self, sides, oil_damping, **fields):
-        """Add a contact with its `sides`, damping `oil_damping` in free flight and further fields.
+        """Add a contact with its `sides`, its damping in free flight and further fields.
 
-        The second of `sides`, the coast side, may be falsy: then there is none.
+        A falsy second side means that the contact has no coast side.
         """
         defaults = {"constant": 0, "harmonic_terms": [], "friction": 0, "sliding_reversal": 0}
         sides = [defaults | side for side in sides if side]
-        defaults = {"frequency_ratio": 1, "nonlinear_stiffness": (0, 0), "friction_row": self.zeros(self.n), "displacement_origin": 0}
+        defaults = {
+            "frequency_ratio": 1,
+            "nonlinear_stiffness": (0, 0),
+            "friction_row": self.zeros(self.n),
+            "displacement_origin": 0,
+        }
         self.contacts.append({"sides": sides, "oil_damping": oil_damping} | defaults | fields)
 
     def distance(self, side, q, phase):
         """Return the distance of a side, m, at coordinates `q` and a phase."""
-        (harmonic_terms,) = harmonic_series(self.context, side["harmonic_terms"], phase, terms=1)
-        return side["row"] @ q + side["constant"] + harmonic_terms
+        (deviation,) = harmonic_series(self.context, side["harmonic_terms"], phase, terms=1)
+        return side["row"] @ q + side["constant"] + deviation
 
     def level(self, contact, side, phase):
         """Return the stiffness of a side at a phase of the motion."""
@@ -132,7 +155,7 @@ class TimeInterval(NamedTuple):
     acceleration: object = 0
     load: object = 1
     load_slope: object = 0
-    phase_coupling: object = ()  #: accelerations of coordinates, in units, for one of the phase
+    phase_coupling: object = ()  #: accelerations of coordinates per unit phase acceleration
 
     def phase_at(self, t):
         """Return (phase, its rate, half its acceleration) at the time `t`."""
@@ -141,9 +164,9 @@ class TimeInterval(NamedTuple):
 
 
 def harmonic_series(context, harmonic_terms, phase, terms, rate=1, half_acceleration=0):
-    """Return Taylor coefficients in t of a sum of waves (frequency, cosine, sine) of the phase.
+    """Return Taylor coefficients in t of a sum of terms (frequency, cosine, sine) of the phase.
 
-    The phase is phase + rate t + bend t^2.
+    The phase is phase + rate t + half_acceleration t^2.
     """
     total = [context.mpf(0)] * terms
     for f, a, b in harmonic_terms:
@@ -151,31 +174,37 @@ def harmonic_series(context, harmonic_terms, phase, terms, rate=1, half_accelera
         turn = context.j * f
         for k in range(terms):
             total[k] += current.real
-            last, current = current, turn * (rate * current + 2 * half_acceleration * last) / (k + 1)
+            last, current = (
+                current,
+                turn * (rate * current + 2 * half_acceleration * last) / (k + 1),
+            )
     return total
 
 
 def stiffness_series(context, profile, phase, interior_phase, terms=1, rate=1, half_acceleration=0):
-    """Return Taylor coefficients in t of a stiffness at the phase phase + rate t + bend t^2.
+    """Return Taylor coefficients in t of a stiffness.
 
-    `interior_phase`, a phase within the step of the motion, decides which line of the `profile` applies.
+    The phase is phase + rate t + half_acceleration t^2. `interior_phase`, a phase within the step
+    of the motion, selects the segment of the `profile`.
     """
     period, breakpoints = 2 * context.pi, profile["breakpoints"]
     phase, interior_phase = (x - period * profile["shift"] for x in (phase, interior_phase))
     index = bisect(breakpoints, interior_phase % period) - 1
     value, slope = profile["segments"][index]
-    # The line may have begun at a break of the previous period.
-    since = (interior_phase - breakpoints[index]) % period + (phase - interior_phase)
-    line = [value + slope * since, slope * rate, slope * half_acceleration, *[0] * terms]
-    harmonic_terms = harmonic_series(context, profile["harmonic_terms"], phase, terms, rate, half_acceleration)
-    return [a + b for a, b in zip(line, harmonic_terms, strict=False)]
+    # The segment may have begun in the previous period.
+    elapsed_phase = (interior_phase - breakpoints[index]) % period + (phase - interior_phase)
+    line = [value + slope * elapsed_phase, slope * rate, slope * half_acceleration, *[0] * terms]
+    harmonic_coefficients = harmonic_series(
+        context, profile["harmonic_terms"], phase, terms, rate, half_acceleration
+    )
+    return [a + b for a, b in zip(line, harmonic_coefficients, strict=False)]
 
 
 def sliding_direction(rate, sliding_reversal, phase):
     """Return the direction, 1 or -1, in which the flanks slide at a phase.
 
-    `rate` is the number of mesh periods per period of the phase, and `sliding_reversal` are the mesh periods
-    at which the direction changes to 1.
+    `rate` is the number of mesh periods per period of the phase, and `sliding_reversal` is the
+    number of mesh periods after which the direction changes to 1.
     """
     return 1 if (rate * phase / (2 * math.pi) - sliding_reversal) % 1 < 0.5 else -1
 
@@ -188,23 +217,29 @@ def nonzero_entries(row):
 class Side:
     """A side of a contact, with its fields in units of length.
 
-    `unit_accelerations` are the accelerations of coordinates by a unit normal force, by the direction of
-    sliding: 1, -1, or 0 for no friction.
+    `unit_accelerations` holds the accelerations of the coordinates under a unit normal force for
+    each direction of sliding: 1, -1, or 0 without friction.
     """
 
     def __init__(self, equations, contact, side):
         length, friction_row = equations.length, side["friction"] * contact["friction_row"]
         self.row = nonzero_entries(side["row"])
         self.constant = side["constant"] / length
-        self.harmonic_terms = tuple((f, a / length, b / length) for f, a, b in side["harmonic_terms"])
-        self.profile, self.has_friction, self.sliding_reversal = side["profile"], friction_row.any(), side["sliding_reversal"]
+        self.harmonic_terms = tuple(
+            (f, a / length, b / length) for f, a, b in side["harmonic_terms"]
+        )
+        self.profile, self.has_friction = side["profile"], friction_row.any()
+        self.sliding_reversal = side["sliding_reversal"]
         breakpoints, period = self.profile["breakpoints"], 2 * equations.context.pi
         #: phases, in periods, at which stiffness or sliding direction change
-        self.switch_phases = {b / period + self.profile["shift"] for b in breakpoints if len(breakpoints) > 1}
-        self.switch_phases |= {self.sliding_reversal, self.sliding_reversal + 0.5} if self.has_friction else set()
-        force_rows = {sliding_direction: side["row"] + sliding_direction * friction_row for sliding_direction in (-1, 0, 1)}
+        self.switch_phases = {
+            b / period + self.profile["shift"] for b in breakpoints if len(breakpoints) > 1
+        }
+        if self.has_friction:
+            self.switch_phases |= {self.sliding_reversal, self.sliding_reversal + 0.5}
+        force_rows = {sense: side["row"] + sense * friction_row for sense in (-1, 0, 1)}
         self.unit_accelerations = {
-            sliding_direction: nonzero_entries(equations.inverse @ force_row) for sliding_direction, force_row in force_rows.items()
+            sense: nonzero_entries(equations.inverse @ row) for sense, row in force_rows.items()
         }
         self.material_damping = equations.damping(side["material_damping"])
         slopes = [slope for _, slope in self.profile["segments"]]
@@ -220,20 +255,33 @@ class Contact:
         self.oil_damping = equations.damping(contact["oil_damping"])
         sides = [Side(equations, contact, side) for side in contact["sides"]]
         self.drive, self.side = sides[0], dict(zip((1, -1), sides, strict=False))
-        self.nonlinear_stiffness = [p * equations.length**k for k, p in enumerate(contact["nonlinear_stiffness"], start=1)]
+        self.nonlinear_stiffness = [
+            p * equations.length**k for k, p in enumerate(contact["nonlinear_stiffness"], start=1)
+        ]
         self.has_kink = bool(self.oil_damping[1]) or any(side.material_damping[1] for side in sides)
         drive, *_, coast = sides[0], *sides
         #: whether both sides move alike, and whether there is no backlash
-        self.sides_move_alike = (drive.row, drive.harmonic_terms) == (coast.row, coast.harmonic_terms)
-        self.has_zero_backlash = drive is not coast and self.sides_move_alike and drive.constant == coast.constant
+        self.sides_move_alike = (drive.row, drive.harmonic_terms) == (
+            coast.row,
+            coast.harmonic_terms,
+        )
+        self.has_zero_backlash = (
+            drive is not coast and self.sides_move_alike and drive.constant == coast.constant
+        )
 
     def possible_events(self, contact_state):
-        """Return (side, sign, next code) of each possible event.
+        """Return (side, sign, next contact state) of each possible event.
 
         The event occurs where sign times the distance of the side falls through 0.
         """
         if contact_state:
-            return [(self.side[contact_state], contact_state, -contact_state if self.has_zero_backlash else 0)]
+            return [
+                (
+                    self.side[contact_state],
+                    contact_state,
+                    -contact_state if self.has_zero_backlash else 0,
+                )
+            ]
         return [(side, -contact_state, contact_state) for contact_state, side in self.side.items()]
 
     def dampers(self, contact_state):
@@ -245,7 +293,8 @@ class Contact:
             return [(side, side.material_damping)]
         # If the coast side moves differently, oil damps the drive distance throughout, and contact
         # adds the difference of material and oil damping on the coast side.
-        return [*oil, (side, [b - a for a, b in zip(self.oil_damping, side.material_damping, strict=True)])]
+        damping = zip(self.oil_damping, side.material_damping, strict=True)
+        return [*oil, (side, [material - oil for oil, material in damping])]
 
 
 class Equations:
@@ -271,9 +320,13 @@ class Equations:
         matrices = self.inverse @ system.stiffness, self.inverse @ system.damping * self.speed
         self.rows = [tuple(map(nonzero_entries, rows)) for rows in zip(*matrices, strict=True)]
         self.load = (self.inverse @ system.load / self.length).tolist()
-        #: rows (accelerations, order of the derivative by time, waves)
+        #: rows (accelerations, order of the time derivative, harmonic terms)
         self.forces = [
-            (nonzero_entries(self.inverse @ row * self.speed**order / self.length), order, tuple(harmonic_terms))
+            (
+                nonzero_entries(self.inverse @ row * self.speed**order / self.length),
+                order,
+                tuple(harmonic_terms),
+            )
             for row, order, harmonic_terms in system.forces
         ]
         self.contacts = [Contact(self, contact) for contact in system.contacts]
@@ -284,7 +337,7 @@ class Equations:
         return [d * self.speed * speed**k for k, d in enumerate(coefficients)]
 
     def product(self, a, b, k):
-        """Return the coefficient number `k` of the product of two series."""
+        """Return coefficient `k` of the product of two power series."""
         return self.dot(zip(a, b[k::-1], strict=False))
 
     def value(self, curve, t):
@@ -292,9 +345,10 @@ class Equations:
         return reduce(lambda total, coefficient: total * t + coefficient, reversed(curve))
 
     def distance(self, side, q, phase, order=0):
-        """Return the distance of a side, or for `order` 1 its rate.
+        """Return the distance of a side, or its rate if `order` is 1.
 
-        `q` holds coordinates, or for `order` 1 their rates, without the constant of the distance.
+        `q` holds the coordinates, or their rates if `order` is 1.
         """
-        harmonic_terms = harmonic_series(self.context, side.harmonic_terms, phase, terms=2)[order]
-        return self.dot([(x, q[i]) for i, x in side.row]) + harmonic_terms + (0 if order else side.constant)
+        deviation = harmonic_series(self.context, side.harmonic_terms, phase, terms=2)[order]
+        constant = 0 if order else side.constant
+        return self.dot([(x, q[i]) for i, x in side.row]) + deviation + constant

@@ -14,20 +14,21 @@ from mpmath import mp
 from tests.independent.equations import TimeInterval
 from tests.independent.series import Step, derivative_of, find_roots
 
-#: A change of contact at a phase, or in a run-up at a time theta. `rate` is the rate of the drive-
-#: side
-#: distance, and `side_rate` that of the distance of the side that is met or left.
-Event = namedtuple("Event", "phase contact before after rate own_rate")
+#: A change of contact at a phase, or at a time theta in a run-up. `rate` is the rate of the
+#: drive-side distance, and `side_rate` the rate of the distance of the side that is met or left.
+Event = namedtuple("Event", "phase contact before after rate side_rate")
 
 
 def find_switch_times(equations, interval):
-    """Return the times at which stiffness or sliding changes within a piece, and its end."""
+    """Return the times at which stiffness or sliding changes within an interval, and its end."""
     context, acceleration, start_speed = equations.context, interval.acceleration, interval.speed
     last_phase, period, times = interval.phase_at(interval.end)[0], 2 * context.pi, set()
     for contact in equations.contacts:
         switch_phases = set().union(*(side.switch_phases for side in contact.side.values()))
         first_period = math.floor(interval.phase * contact.frequency_ratio / period) - 1
-        whole_periods = range(first_period, math.ceil(last_phase * contact.frequency_ratio / period) + 2)
+        whole_periods = range(
+            first_period, math.ceil(last_phase * contact.frequency_ratio / period) + 2
+        )
         for switch_phase, k in product(switch_phases, whole_periods):
             angle = period * (switch_phase % 1 + k) / contact.frequency_ratio - interval.phase
             square = start_speed * start_speed + 2 * acceleration * angle
@@ -37,9 +38,9 @@ def find_switch_times(equations, interval):
 
 
 def initial_contact_states(equations, interval, state, interior_phase):
-    """Return (contact states of a start, sides on whose flank line it lies).
+    """Return (contact states of an initial state, sides whose distance is zero).
 
-    On a flank line the motion decides: the side gets contact if the motion goes towards it.
+    A side with zero distance gets contact if the motion closes it.
     `interior_phase` is a phase within the first step, see `Step`.
     """
     contact_states, boundary_sides, q = [0] * len(equations.contacts), set(), state[: equations.n]
@@ -48,23 +49,27 @@ def initial_contact_states(equations, interval, state, interior_phase):
     ]
     for j, contact_state, side in sides:
         distance = contact_state * equations.distance(side, q, interval.phase)
-        contact_states[j] = contact_state if distance > equations.tolerance else contact_states[j]
-        boundary_sides |= {side} if abs(distance) <= equations.tolerance else set()
+        if distance > equations.tolerance:
+            contact_states[j] = contact_state
+        if abs(distance) <= equations.tolerance:
+            boundary_sides.add(side)
     for j, contact_state, side in sides:
         if side in boundary_sides:
-            curve = Step(equations, interval, interval.begin, state, contact_states, interior_phase).curves[side]
+            step = Step(equations, interval, interval.begin, state, contact_states, interior_phase)
+            curve = step.curves[side]
             rounding = equations.tolerance * max(map(abs, curve[1:4]))
             first_change = next((contact_state * c for c in curve[1:] if abs(c) > rounding), 0)
-            contact_states[j] = contact_state if first_change > 0 or first_change == 0 < contact_state else contact_states[j]
+            if first_change > 0 or first_change == 0 < contact_state:
+                contact_states[j] = contact_state
     return contact_states, boundary_sides
 
 
 def _first_event(step, crossed_sides, max_length):
     """Return (time, end) of the first event of a step, with the end None if there is none.
 
-    An end is (side or "extremum", contact, next code); "extremum" is a zero of the rate. `crossed_sides` holds
-    the sides whose flank line the motion has just crossed, and "extremum" if its rate is 0. `max_length`
-    is the length of the step.
+    An end is (side or "extremum", contact, next contact state); "extremum" is a zero of the rate.
+    `crossed_sides` holds the sides that the motion has just met or left, and "extremum" if its rate
+    is 0. `max_length` is the length of the step.
     """
     equations, first_event = step.equations, (max_length, None)
     for j, (contact, contact_state) in enumerate(step.contacts):
@@ -79,7 +84,7 @@ def _first_event(step, crossed_sides, max_length):
             ends.append((("extremum", j, contact_state), [sign * c for c in slope]))
         for end, curve in ends:
             if end[0] in crossed_sides:
-                # The motion starts on the line, and its zero at the start is divided out.
+                # The distance is zero at the start of the step, and this root is divided out.
                 curve = curve[1:]
             elif curve[0] <= 0 and curve[1] < 0:
                 return 0 * max_length, end
@@ -94,22 +99,30 @@ def _first_event(step, crossed_sides, max_length):
 class Motion:
     """A motion along `TimeInterval`s from a state in units, with times theta.
 
-    `contact_states` are the contacts at the start, or None to derive them from the state. Extrema and
+    `contact_states` are the initial contacts; if None, they follow from the state. Extrema and
     durations are taken from the time `record_from` on, and samples at the rising `sample_times`.
     The attribute `switch_times` has the times at which stiffness or sliding may switch.
     """
 
-    def __init__(self, equations, intervals, state, contact_states=None, record_from=math.inf, sample_times=()):
+    def __init__(
+        self,
+        equations,
+        intervals,
+        state,
+        contact_states=None,
+        record_from=math.inf,
+        sample_times=(),
+    ):
         self.equations, self.events, self.switch_times = equations, [], []
         self.record_from, self.remaining_sample_times = record_from, list(sample_times)
         contacts = equations.contacts
         self.record = SimpleNamespace(
             #: rows (time, displacements, rates, forces, coordinates)
             samples=[],
-            #: by contact values among which are the extrema
+            #: for each contact values that include the extrema
             displacements=[[] for _ in contacts],
             forces=[[] for _ in contacts],
-            #: of contact states 1 (drive side), 0 and -1 (coast side), and of the lower stiffness
+            #: for each contact: time in drive contact, no contact, coast contact, low stiffness
             durations=[[0, 0, 0, 0] for _ in contacts],
         )
         self.state, crossed_sides = [equations.context.mpf(x) for x in state], None
@@ -121,15 +134,25 @@ class Motion:
             for stop in switch_times:
                 interior_phase = interval.phase_at((t + stop) / 2)[0]
                 if crossed_sides is None:
-                    start_codes, crossed_sides = initial_contact_states(equations, interval, self.state, interior_phase)
-                    self.contact_states = list(contact_states or start_codes)
+                    initial_states, crossed_sides = initial_contact_states(
+                        equations, interval, self.state, interior_phase
+                    )
+                    self.contact_states = list(contact_states or initial_states)
                 while t < stop:
                     t, crossed_sides = self._step(interval, t, stop, interior_phase, crossed_sides)
         self.phase = intervals[-1].phase_at(t)[0]
 
     def _step(self, interval, t, stop, interior_phase, crossed_sides):
         """Make one step and return (time, sides crossed at its end), see `_first_event`."""
-        step = Step(self.equations, interval, t, self.state, self.contact_states, interior_phase, "extremum" in crossed_sides)
+        step = Step(
+            self.equations,
+            interval,
+            t,
+            self.state,
+            self.contact_states,
+            interior_phase,
+            "extremum" in crossed_sides,
+        )
         h, end = _first_event(step, crossed_sides, step.length(stop - t))
         t = stop if h == stop - t else t + h
         if stop > self.record_from + self.equations.tolerance:
@@ -153,18 +176,25 @@ class Motion:
         for j, (contact, contact_state) in enumerate(step.contacts):
             record.durations[j][1 - contact_state] += t
             curves = step.displacement(contact), step.elastic(contact, contact_state)
-            for curve, values in zip(curves, (record.displacements[j], record.forces[j]), strict=True):
+            for curve, values in zip(
+                curves, (record.displacements[j], record.forces[j]), strict=True
+            ):
                 floor = equations.tolerance * max(map(abs, curve))
                 extremum_times = find_roots(equations, derivative_of(curve), t, floor)
                 values += [equations.value(curve, time) for time in (0 * t, *extremum_times, t)]
             if contact_state:
                 # Models of one degree of freedom record the stiffness of the drive side.
                 side = contact.side[contact_state] if equations.n > 1 else contact.drive
-                level, high = step.stiffness(contact, side), side.profile["threshold"]
-                level[0] -= high
-                floor = high * equations.tolerance
-                for begin, end in pairwise([0 * t, *find_roots(equations, level, t, floor), t]):
-                    is_low = equations.value(level, (begin + end) / 2) < -floor
+                excess_stiffness, threshold = (
+                    step.stiffness(contact, side),
+                    side.profile["threshold"],
+                )
+                excess_stiffness[0] -= threshold
+                floor = threshold * equations.tolerance
+                for begin, end in pairwise(
+                    [0 * t, *find_roots(equations, excess_stiffness, t, floor), t]
+                ):
+                    is_low = equations.value(excess_stiffness, (begin + end) / 2) < -floor
                     record.durations[j][3] += is_low * (end - begin)
 
     def _sample(self, step, until):
@@ -188,7 +218,7 @@ class Motion:
 
 
 def move(equations, periods, state, recorded=0, phases=(), contact_states=None):
-    """Return the `Motion` at constant speed from phase 0 over a number of periods, whole or not.
+    """Return the `Motion` at constant speed from phase 0 over `periods`, which may be a fraction.
 
     The last `recorded` periods are recorded, and samples are taken at `phases`.
     """

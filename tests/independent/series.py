@@ -7,29 +7,43 @@ from operator import add, mul
 
 import mpmath
 
-from tests.independent.equations import sliding_direction, stiffness_series, harmonic_series
+from tests.independent.equations import harmonic_series, sliding_direction, stiffness_series
 
 
 class Step:
-    """The Taylor series of a motion from a state at the time t of a `TimeInterval`, with contact states.
+    """The Taylor series of a motion from a state at the time t of a `TimeInterval`.
 
-    `interior_phase` is a phase within the step, which decides on stiffness and sliding. `starts_at_extremum` says that
-    the step starts at an extremum of the drive distance, where its rate is 0 up to rounding.
+    `interior_phase`, a phase within the step, selects the stiffness and the sliding direction.
+    `starts_at_extremum` is true if the step starts at an extremum of the drive distance, where its
+    rate is 0 up to rounding.
     """
 
-    def __init__(self, equations, interval, t, state, contact_states, interior_phase, starts_at_extremum=False):
-        self.equations, self.t, self.interior_phase, self.starts_at_extremum = equations, t, middle, starts_at_extremum
+    def __init__(
+        self,
+        equations,
+        interval,
+        t,
+        state,
+        contact_states,
+        interior_phase,
+        starts_at_extremum=False,
+    ):
+        self.equations, self.t = equations, t
+        self.interior_phase, self.starts_at_extremum = interior_phase, starts_at_extremum
         self.contacts = list(zip(equations.contacts, contact_states, strict=True))
         self.phase, self.rate, self.half_acceleration = interval.phase_at(t)
         self.expand_harmonics, dot, n = cache(self.expand_harmonics), equations.dot, equations.n
-        #: Taylor coefficients of coordinates, and of the distances of sides, first of their waves
+        #: Taylor coefficients of the coordinates; those of the distances are in `curves`.
         self.series = []
         sides = [side for contact in equations.contacts for side in contact.side.values()]
         self.curves = {side: list(self.expand_harmonics(side.harmonic_terms)) for side in sides}
         self._add(state[:n])
         self._add(state[n:])
-        force_terms, share = self.force_terms(interval), interval.load + interval.load_slope * (t - interval.begin)
-        for k, factor in enumerate([share, interval.load_slope, *[0] * (equations.terms - 2)]):
+        force_terms = self.force_terms(interval)
+        load_factor = interval.load + interval.load_slope * (t - interval.begin)
+        for k, factor in enumerate(
+            [load_factor, interval.load_slope, *[0] * (equations.terms - 2)]
+        ):
             (displacements, rates), total = self.series[k:], [factor * x for x in equations.load]
             for i, (springs, dampers) in enumerate(equations.rows):
                 total[i] -= dot([(x, displacements[j]) for j, x in springs])
@@ -49,34 +63,52 @@ class Step:
         self.series.append(coefficients)
 
     def expand_harmonics(self, harmonic_terms):
-        """Return Taylor coefficients of a sum of waves of the phase."""
+        """Return the Taylor coefficients of a sum of harmonic terms."""
         context, terms = self.equations.context, self.equations.terms + 2
-        return harmonic_series(context, harmonic_terms, self.phase, terms, self.rate, self.half_acceleration)
+        return harmonic_series(
+            context, harmonic_terms, self.phase, terms, self.rate, self.half_acceleration
+        )
 
     def stiffness(self, contact, side):
         """Return Taylor coefficients of the stiffness of a side."""
-        r, context, terms = contact.frequency_ratio, self.equations.context, self.equations.terms + 2
-        about = r * self.phase, r * self.interior_phase, terms, r * self.rate, r * self.half_acceleration
-        return stiffness_series(context, side.profile, *about)
+        r, context, terms = (
+            contact.frequency_ratio,
+            self.equations.context,
+            self.equations.terms + 2,
+        )
+        arguments = (
+            r * self.phase,
+            r * self.interior_phase,
+            terms,
+            r * self.rate,
+            r * self.half_acceleration,
+        )
+        return stiffness_series(context, side.profile, *arguments)
 
     def force_terms(self, interval):
-        """Return (accelerations by a unit force, function of k) of each force.
+        """Return (accelerations under a unit force, function of k) for each force.
 
-        The function returns the Taylor coefficient number k of the force.
+        The function returns the k-th Taylor coefficient of the force.
         """
         inertia = [-interval.acceleration, *[0] * self.equations.terms]
         force_terms = [(list(enumerate(interval.phase_coupling)), inertia.__getitem__)]
         for accelerations, order, harmonic_terms in self.equations.forces:
-            forces = [-math.perm(k, order) * c for k, c in enumerate(self.expand_harmonics(harmonic_terms))]
+            coefficients = enumerate(self.expand_harmonics(harmonic_terms))
+            forces = [-math.perm(k, order) * c for k, c in coefficients]
             force_terms.append((accelerations, forces[order:].__getitem__))
         for contact, contact_state in self.contacts:
             for side, coefficients in contact.dampers(contact_state):
                 if any(coefficients):
-                    force_terms.append((side.unit_accelerations[0], self.damper(side, *coefficients)))
+                    force_terms.append(
+                        (side.unit_accelerations[0], self.damper(side, *coefficients))
+                    )
             if contact_state:
                 side = contact.side[contact_state]
-                slides = side.has_friction and sliding_direction(contact.frequency_ratio, side.turns, self.interior_phase)
-                force_terms.append((side.unit_accelerations[slides], self.spring(contact, contact_state)))
+                direction = side.has_friction and sliding_direction(
+                    contact.frequency_ratio, side.sliding_reversal, self.interior_phase
+                )
+                accelerations = side.unit_accelerations[direction]
+                force_terms.append((accelerations, self.spring(contact, contact_state)))
         return force_terms
 
     def damper(self, side, d1, d2, d3):
@@ -87,11 +119,11 @@ class Step:
         curve, times, rates, squares = self.curves[side], self.equations.product, [], []
 
         def term(k):
-            """Return the Taylor coefficient number `k` of the force."""
+            """Return the k-th Taylor coefficient of the force."""
             rate = (k + 1) * curve[k + 1]
             if not (d2 or d3):
                 return d1 * rate
-            # At an extremum the rate is rounding, whose sign must not count.
+            # At an extremum the rate consists of rounding errors, whose sign is ignored.
             rates.append(0 * rate if self.starts_at_extremum and k == 0 else rate)
             squares.append(times(rates, rates, k))
             sign = -1 if next(filter(None, rates), 0) < 0 else 1
@@ -104,11 +136,12 @@ class Step:
 
         g is the distance of the side in contact. Calls must be for k = 0, 1, ... in this order.
         """
-        side, times, (p2, p3) = contact.side[contact_state], self.equations.product, contact.nonlinear_stiffness
+        side, times = contact.side[contact_state], self.equations.product
+        p2, p3 = contact.nonlinear_stiffness
         curve, levels, squares, springs = self.curves[side], self.stiffness(contact, side), [], []
 
         def term(k):
-            """Return the Taylor coefficient number `k` of the force."""
+            """Return the k-th Taylor coefficient of the force."""
             springs.append(curve[k])
             if p2 or p3:
                 squares.append(times(curve, curve, k))
@@ -149,19 +182,21 @@ def derivative_of(curve):
 
 
 def find_roots(equations, curve, end, floor):
-    """Return the zeros of odd order of a polynomial on (0, end), in rising order.
+    """Return the roots of odd order of a polynomial on (0, end), in ascending order.
 
-    A polynomial whose terms add up to at most `floor` is rounding and has none.
+    A polynomial whose terms add up to at most `floor` counts as zero and has no roots.
     """
     scaled = list(map(mul, curve, accumulate(repeat(end), mul, initial=1)))
     size = sum(map(abs, scaled))
     if size <= floor or 2 * abs(scaled[0]) > size:
         return []
-    # Floats are enough to exclude zeros of most polynomials.
+    # For most polynomials floats suffice to exclude roots.
     rough = _bernstein_coefficients([float(c / size) for c in scaled])
     if min(rough) > 1e-12 or max(rough) < -1e-12:
         return []
-    brackets = _bracket_roots(_bernstein_coefficients(scaled), 0 * end, 1 + 0 * end, equations.tolerance * 1e-3)
+    brackets = _bracket_roots(
+        _bernstein_coefficients(scaled), 0 * end, 1 + 0 * end, equations.tolerance * 1e-3
+    )
     return [_refine_root(equations, scaled, *bracket) * end for bracket in brackets]
 
 
@@ -196,9 +231,9 @@ def _refine_root(equations, curve, low, high):
     for _ in range(200):
         value, rate = equations.value(curve, t), equations.value(slope, t)
         low, high = (low, t) if (value > 0) == rises else (t, high)
-        new = t - value / rate if rate else low
-        new = new if low <= new <= high else (low + high) / 2
-        if abs(new - t) <= equations.tolerance * 3e-3 * high:
+        next_t = t - value / rate if rate else low
+        next_t = next_t if low <= next_t <= high else (low + high) / 2
+        if abs(next_t - t) <= equations.tolerance * 3e-3 * high:
             break
-        t = new
-    return new
+        t = next_t
+    return next_t

@@ -10,7 +10,14 @@ import mpmath
 import numpy as np
 
 from tests.independent import program
-from tests.independent.equations import Equations, TimeInterval, System, exact, harmonics, mean_stiffness
+from tests.independent.equations import (
+    Equations,
+    System,
+    TimeInterval,
+    exact,
+    harmonics,
+    mean_stiffness,
+)
 from tests.independent.trains import Train
 
 
@@ -58,24 +65,24 @@ def move(model, tuning, periods, state=(0.0, 0.0), context=mpmath.fp, **options)
     return program.move(Equations(system), periods, state, **options)
 
 
-def _one_coordinate(context, units, mass, load, force, shaking):
+def _one_coordinate(context, units, mass, load, force, support_motion):
     """Return a system of one coordinate without contacts.
 
-    `units` are those of length, speed and force; `force` and `shaking` are harmonics of the
-    external force and of the displacement of the support.
+    `units` are the units of length, speed and force; `force` and `support_motion` are harmonics of
+    the external force and of the displacement of the support.
     """
     system = System(context, 1)
     system.length, system.speed, system.force = units
     unit = system.unit(0)
     system.inertia(unit, mass)
     system.load = unit * load
-    system.forces = [(unit, 0, harmonics(force)), (unit * mass, 2, harmonics(shaking))]
+    system.forces = [(unit, 0, harmonics(force)), (unit * mass, 2, harmonics(support_motion))]
     return system
 
 
 def _one_degree(model, tuning, context):
     """Return the system m y'' + k(y) y' + D2 |y'| y' + D3 y'^3 + C(tau) g(y) = F(tau) + m f''."""
-    # A `GearPair` is described by its pair alone, without waves and nonlinear terms.
+    # A `GearPair` is described by its pair alone, without harmonic and nonlinear terms.
     pair, none = model.get("pair", model), {"cosines": [], "sines": []}
     mean, m, load = mean_stiffness(pair), pair["reduced_mass"], pair["load"]
     units = load / mean, tuning * context.sqrt(mean / m), mean
@@ -115,22 +122,24 @@ def _profile_of_pair(system, pair, shape):
 
 
 def _oscillator(model, tuning, context):
-    """Return the system of x'' + d x' + e x + P(x, t) = F + waves + f'' with unequal sides."""
+    """Return the system of x'' + d x' + e x + P(x, t) = F + f(t) + h''(t) with unequal sides."""
     one, harmonic_terms = context.mpf(1), (model["forcing"], model["deviation"])
     system = _one_coordinate(context, (one, tuning, one), one, model["load"], *harmonic_terms)
     system.spring(system.unit(0), model["ground_stiffness"])
 
     def side(name):
         """Return the contact side at the "upper" or "lower" edge."""
-        law, harmonic_terms = model[f"{name}_stiffness"], []
-        breakpoints, values = [0 * one], [law]
-        if isinstance(law, dict) and law["kind"] == "Steps":
-            breakpoints, values = law["phase"], law["stiffness"]
-        elif isinstance(law, dict):
-            values, harmonic_terms = [law["mean"]], harmonics(law["harmonics"])
+        stiffness, harmonic_terms = model[f"{name}_stiffness"], []
+        breakpoints, values = [0 * one], [stiffness]
+        if isinstance(stiffness, dict) and stiffness["kind"] == "Steps":
+            breakpoints, values = stiffness["phase"], stiffness["stiffness"]
+        elif isinstance(stiffness, dict):
+            values, harmonic_terms = [stiffness["mean"]], harmonics(stiffness["harmonics"])
         return {
             "row": system.unit(0),
-            "profile": system.profile(breakpoints, [(value, 0) for value in values], harmonic_terms),
+            "profile": system.profile(
+                breakpoints, [(value, 0) for value in values], harmonic_terms
+            ),
             "material_damping": [model[f"{name}_damping"], 0, 0],
             "constant": -model[f"{name}_edge"],
         }
@@ -167,14 +176,18 @@ def _six_degrees(model, tuning, context):
     if e2:
         run_out.append((context.mpf(1) / z2, -e2 * context.sin(delta), e2 * context.cos(delta)))
     moving, friction = model["moving_backlash"], model["friction"]
-    laws = {"profile": system.rectangular_profile(pair), "material_damping": [pair["material_damping"], 0, 0]}
-    laws["sliding_reversal"] = model["pitch_phase"] / (2 * context.pi)
+    side_fields = {"profile": system.rectangular_profile(pair)}
+    side_fields["material_damping"] = [pair["material_damping"], 0, 0]
+    side_fields["sliding_reversal"] = model["pitch_phase"] / (2 * context.pi)
     harmonic_terms = run_out + harmonics(model["deviation"])
-    sides = [laws | {"row": drive, "harmonic_terms": harmonic_terms, "friction": friction[0]}]
+    sides = [
+        side_fields | {"row": drive, "harmonic_terms": harmonic_terms, "friction": friction[0]}
+    ]
     if context.isfinite(pair["backlash"]):
         harmonic_terms = ([] if moving else run_out) + harmonics(model["coast_deviation"])
-        laws |= {"harmonic_terms": harmonic_terms, "friction": friction[1], "constant": pair["backlash"]}
-        sides.append(laws | {"row": coast if moving else drive})
+        side_fields |= {"harmonic_terms": harmonic_terms, "friction": friction[1]}
+        side_fields["constant"] = pair["backlash"]
+        sides.append(side_fields | {"row": coast if moving else drive})
     system.add_contact(sides, [pair["backlash_damping"], 0, 0], friction_row=friction_row)
     return system
 
@@ -205,7 +218,7 @@ def _from_mesh(system, model, state):
 class RunUp:
     """A described model on courses of speed, (s, rpm), and of load, (s, share of its load).
 
-    `turn` is the speed of the mesh, rad/s, at 1 rpm. `push` holds the accelerations of the
+    `turn` is the mesh frequency, rad/s, at 1 rpm. `push` holds the accelerations of the
     coordinates, m/s^2, for an acceleration of the mesh by 1 rad/s^2.
     """
 
@@ -213,14 +226,20 @@ class RunUp:
         self.system = system_of(model, 1.0, context)
         self.equations, self.intervals = Equations(self.system), []
         number, omega, phase = context.mpf, self.system.speed, context.mpf(0)
-        push = [number(x) / self.system.length for x in push]
+        phase_coupling = [number(x) / self.system.length for x in push]
         speeds = [(number(t) * omega, number(v) * turn / omega) for t, v in speed]
         loads = [(number(t) * omega, number(v)) for t, v in load]
-        marks = sorted({t for t, _ in loads if t < speeds[-1][0]} | {t for t, _ in speeds})
-        for begin, end in pairwise(marks):
-            (v, w), (a, b), span = _ends(speeds, begin, end), _ends(loads, begin, end), end - begin
-            slopes = {"acceleration": (w - v) / span, "slope": (b - a) / span}
-            self.intervals.append(TimeInterval(begin, end, phase, v, load=a, push=push, **slopes))
+        breakpoints = sorted({t for t, _ in loads if t < speeds[-1][0]} | {t for t, _ in speeds})
+        for begin, end in pairwise(breakpoints):
+            (v, w), (a, b), span = (
+                _values_at_ends(speeds, begin, end),
+                _values_at_ends(loads, begin, end),
+                end - begin,
+            )
+            slopes = {"acceleration": (w - v) / span, "load_slope": (b - a) / span}
+            self.intervals.append(
+                TimeInterval(begin, end, phase, v, load=a, phase_coupling=phase_coupling, **slopes)
+            )
             phase += (v + w) / 2 * span
 
     def switch_times(self, interval):
@@ -236,11 +255,11 @@ class RunUp:
         length, omega = self.system.length, self.system.speed
         state, thetas = np.array([*q, *v]) / length, [omega * t for t in np.array(times).tolist()]
         motion = program.Motion(self.equations, self.intervals, state, sample_times=thetas)
-        moved = np.array([row[1] for row in motion.record.samples]) * length
-        return moved, [(event.phase / omega, *event[1:4]) for event in motion.events]
+        displacements = np.array([row[1] for row in motion.record.samples]) * length
+        return displacements, [(event.phase / omega, *event[1:4]) for event in motion.events]
 
 
-def _ends(rows, begin, end):
+def _values_at_ends(rows, begin, end):
     """Return the values of a piecewise linear course at both ends of an interval on one line."""
     # The course is constant before its first row and after its last one.
     rows = [(begin, rows[0][1]), *rows, (end, rows[-1][1])]

@@ -52,7 +52,10 @@ def _pinion_drives(mesh, speeds):
 
 
 class Train(System):
-    """The system of a described train; `stiffness_and_load_at_rest` is (stiffness, load) with the carrier at rest."""
+    """The system of a described train.
+
+    `stiffness_and_load_at_rest` holds stiffness matrix and load vector with the carrier at rest.
+    """
 
     def __init__(self, model, tuning, context):
         self.model, self.bodies = model, {body["name"]: body for body in model["bodies"]}
@@ -162,7 +165,7 @@ class Train(System):
         gear_ends = (pinion, 1, 1), (mesh["wheel"], -1, 1)
         gear_ends = ((mesh["wheel"], 1, 1), (pinion, -1, -1)) if mesh["internal"] else gear_ends
         first, second = (self.speeds[end[0]] for end in gear_ends)
-        # At a vector w from the pitch point the first gear sliding_sense on the second by (W1 - W2) k x w;
+        # At a vector w from the pitch point the first gear slides on the second by (W1 - W2) k x w;
         # along the line of action contact moves as the base circle of the first gear does.
         drive_sense = 1 if mesh["direction"] * first > 0 else -1
         sliding_sense = drive_sense * (1 if first > second else -1)
@@ -184,20 +187,24 @@ class Train(System):
                 z = (a + b * context.j) * context.expj(2 * context.pi * n * shifts[0])
                 harmonic_terms = [*harmonic_terms, (n * frequency_ratio, z.real, z.imag)]
             # Friction opposes sliding. On the coast side the elastic force has the opposite sign.
-            side_fields = {"friction": (1 - 2 * i) * mesh["friction"][i], "sliding_reversal": pitches[i]}
+            side_fields = {"friction": (1 - 2 * i) * mesh["friction"][i]}
+            side_fields["sliding_reversal"] = pitches[i]
             side_fields |= {"row": row, "profile": self.rectangular_profile(mesh, shifts[i])}
-            side_fields |= {"constant": constant + (mesh["backlash"] if i else 0), "harmonic_terms": harmonic_terms}
+            side_fields["constant"] = constant + (mesh["backlash"] if i else 0)
+            side_fields["harmonic_terms"] = harmonic_terms
             sides.append(side_fields | {"material_damping": [mesh["material_damping"], 0, 0]})
         if not context.isfinite(mesh["backlash"]):
             sides.pop()
         oil_damping = [mesh["backlash_damping"], 0, 0]
-        self.add_contact(sides, oil_damping, frequency_ratio=frequency_ratio, friction_row=friction_row * sliding_sense)
+        friction_row = friction_row * sliding_sense
+        fields = {"frequency_ratio": frequency_ratio, "friction_row": friction_row}
+        self.add_contact(sides, oil_damping, **fields)
 
     def distances(self, mesh, gear_ends):
-        """Return the row of friction of a mesh and two distances (row, constant, waves of run-out).
+        """Return the row of friction of a mesh and two distances (row, constant, run-out).
 
         The first distance includes all displacements. The second, for a moving backlash, Eq. (4),
-        omits bearings, run-out and offsets. `gear_ends` are those of `add_mesh`.
+        omits bearings, run-out and offsets. `gear_ends` is described in `add_mesh`.
         """
         row, friction_row, rigid_row = self.zeros(3, self.n)
         constant, run_out = mesh["error"], []

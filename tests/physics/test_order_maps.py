@@ -51,7 +51,11 @@ def order_coefficients(model, run, speed, load, orders):
     revolution_phase = math.tau * teeth
     root = math.sqrt(rate**2 + 2.0 * slope * revolution_phase)
     revolution_end = 2.0 * revolution_phase / (rate + root)
-    bounds = [times for interval in code.intervals for times in (interval.begin, *code.switch_times(interval))]
+    bounds = [
+        times
+        for interval in code.intervals
+        for times in (interval.begin, *code.switch_times(interval))
+    ]
     bounds = np.array(bounds) / code.system.speed
     bounds = np.unique([*bounds, revolution_end, *run.event_time.values])
     # Intervals are halved, because bearings may vibrate several times within one of them.

@@ -50,7 +50,10 @@ def run_without_jamming_check(train, tuning, state, periods):
     overlaps = []
     for contact in system.contacts:
         waves = [
-            sum(a * np.cos(f * phases) + b * np.sin(f * phases) for f, a, b in side["waves"])
+            sum(
+                a * np.cos(f * phases) + b * np.sin(f * phases)
+                for f, a, b in side["harmonic_terms"]
+            )
             for side in contact["sides"]
         ]
         drive, *coast = (

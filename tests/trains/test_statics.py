@@ -20,8 +20,8 @@ def contacts_in_equilibrium(train):
     """
     result, system = equilibrium(train), system_of(describe(train), 1.0)
     assert not result.both_flanks_touch.any()
-    # `still` holds stiffness and load without the forces of a turning frame.
-    stiffness, load = system.still
+    # The forces of a rotating frame are not part of the static equilibrium.
+    stiffness, load = system.stiffness_and_load_at_rest
     balance = load - stiffness @ result.q
     force_scale = np.abs(load) + np.abs(stiffness) @ np.abs(result.q)
     for contact, force, code in zip(system.contacts, result.force, result.contact, strict=True):
