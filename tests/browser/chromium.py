@@ -6,7 +6,7 @@ import time
 import pytest
 from selenium import webdriver
 
-#: Nothing but the page itself is to be fetched.
+#: With these switches Chromium fetches nothing but the page itself.
 _SWITCHES = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
 _SWITCHES += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
 _SWITCHES += ["--window-size=1400,900", "--disable-dev-shm-usage"]
@@ -14,7 +14,7 @@ _SWITCHES += ["--window-size=1400,900", "--disable-dev-shm-usage"]
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
-    """A browser whose downloads go to `browser.downloads`; skipped with the reason if absent."""
+    """Start a browser that saves downloads in `browser.downloads`; skip the test without one."""
     paths = [shutil.which(name) for name in ("chromium", "chromedriver")]
     if None in paths:
         pytest.skip("chromium and chromedriver are not installed")
@@ -31,8 +31,8 @@ def browser(tmp_path_factory):
     driver.quit()
 
 
-def errors(driver):
-    """Return the errors in the console since the last call."""
+def console_errors(driver):
+    """Return the error messages in the browser console since the last call."""
     return [entry["message"] for entry in driver.get_log("browser") if entry["level"] == "SEVERE"]
 
 
@@ -47,22 +47,22 @@ _SEARCH = """
 """
 
 
-def everywhere(driver, selector):
-    """Return the elements that match a selector in the document and all shadow roots."""
+def find_elements_in_shadow_roots(driver, selector):
+    """Return the elements that match a CSS selector in the document and all shadow roots."""
     return driver.execute_script(_SEARCH + "return found;", selector)
 
 
-def texts(driver, selector):
-    """Return the texts of the visible elements that match a selector, at one moment."""
+def visible_texts(driver, selector):
+    """Return the texts of all visible elements that match a CSS selector."""
     visible = "return found.filter(e => e.checkVisibility()).map(e => e.innerText);"
     return driver.execute_script(_SEARCH + visible, selector)
 
 
 def wait_for(condition, seconds=300.0):
-    """Wait until a condition returns a true value, and return this value."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    """Call a function until it returns a true value, and return this value."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
         if result := condition():
             return result
         time.sleep(0.2)
-    raise TimeoutError("the page did not come to show it")
+    raise TimeoutError(f"the condition did not become true within {seconds} s")
