@@ -222,6 +222,7 @@ def test_documented_claims_match_the_code_and_give_a_reason(import_hook):
 
 
 def test_instability_quoted_for_claim_p4_matches_the_library(import_hook):
+    """The reason of claim P4 must quote the ends of the third tongue with four decimal places."""
     from gearlib.analysis.tongues import meissner
     from tests.paper import PAPER_PAIR
 

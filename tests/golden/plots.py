@@ -13,10 +13,10 @@ from gearlib import plot, simulate, sweep
 from gearlib.figures import measured_figure, style
 from gearlib.studies import measured as study
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
-from tests.geometry.stages import own
+from tests.geometry.stages import documentation_stage
 from tests.paper import PAPER_PAIR
 
-GEAR_STAGE = own()
+GEAR_STAGE = documentation_stage()
 PAIR = gearlib.GearPair.from_geometry(GEAR_STAGE, torque=85.0, damping_ratio=0.12)
 FOLDER = Path(__file__).with_name("plots")
 PAPER_PAIR = PAPER_PAIR.replace(material_damping=3953.7)
@@ -107,6 +107,7 @@ def order_map_over_frequency():
 
 
 def fit():
+    """Draw the fit of a perturbed reduced mass to a synthetic run-up."""
     rig = synthetic_rig(PAIR, [(0.0, PAIR.speed(0.6)), (0.1, PAIR.speed(0.72))], 1)
     guess = PAIR.replace(reduced_mass=1.05 * PAIR.reduced_mass)
     free = {"reduced_mass": (0.9 * PAIR.reduced_mass, 1.1 * PAIR.reduced_mass)}

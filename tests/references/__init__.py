@@ -107,6 +107,7 @@ class StoredReferences:
     recording = False
 
     def __init__(self, name):
+        """Read the stored values of the file `name`.json, if it exists."""
         self.path = FOLDER / f"{name}.json"
         self.entries = json.loads(self.path.read_text("utf-8")) if self.path.exists() else {}
         self.recorded: dict = {}

@@ -25,6 +25,7 @@ MODULES_WITHOUT_RESULTS = {"gearlib/__init__.py"}
 
 
 def test_one_command_runs_every_rule(first_run):
+    """`snakemake -j2` must run each rule that computes or draws, so that all scripts are tested."""
     project, output = first_run
     lines = project.snakemake("--list-rules").splitlines()
     # The first line contains the profile, and names of templates start with an underscore.
@@ -161,6 +162,7 @@ def test_every_dataset_follows_the_cf_conventions(dataset_paths, monkeypatch):
 
 
 def test_every_variable_has_a_description_and_units(dataset_paths):
+    """Users of a dataset need a long name for each variable and units for each number."""
     for name, path in dataset_paths.items():
         for key, variable in storage.read(path).variables.items():
             assert variable.attrs.get("long_name"), (name, key)

@@ -25,7 +25,7 @@ TOOLS_OF_TARGETS = {
     "test": [*CHECKS, "python", "python"],
     "couple-test": ["python", "python"],
     "report": ["snakemake", "snakemake"],
-    "docs": ["mkdocs"],
+    "docs": ["mkdocs", "python"],
     "speed-and-accuracy": ["snakemake", "python"],
     "clean": [],
     "distclean": [],
