@@ -1,5 +1,6 @@
 # make         set up .venv with the pinned packages and compute everything in results/
-# make test    also install the packages of the tests, and run all checks and tests
+# make test    also install the packages of the tests, and run all checks and tests of a change;
+#              a release needs `make torture wheel docs couple-test` as well
 # make lint    check style, formatting, imports and types only
 # make golden  update the golden data in tests/golden, and the pictures of the figures
 # make references  update the references with 50 digits in tests/references
@@ -12,7 +13,7 @@
 # make slurm-test  run the workflow with Slurm on one node; as root, also install Debian's packages
 # make bench   measure the speed of the library on this machine
 # make report  write results/report.html, all figures, tables and claims on one page
-# make docs    build the documentation, build/docs/index.html
+# make docs    build the documentation, build/docs/index.html, and test its longer examples
 # make speed-and-accuracy  update numbers and pictures of this page (20 min); needs `make peers`
 # make wheel   build wheel and source archive in dist/, and test both in a fresh environment
 # make clean   remove the results; `make distclean` also removes the environment
@@ -62,7 +63,7 @@ couple-test: $(TESTING)
 	$(BIN)/python -m pytest tests/fmu tests/couple -rs $(ARGS)
 
 torture: $(TESTING)
-	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs $(ARGS)
+	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -m "" -rs $(ARGS)
 
 random-trains: $(TESTING)
 	GEARLIB_TRAINS=500 $(BIN)/python -m pytest -n $(JOBS) tests/properties/test_conformance.py -k random_train -rs $(ARGS)
@@ -94,7 +95,7 @@ bench: $(INSTALLED)
 
 wheel: $(TESTING)
 	rm -rf dist
-	GEARLIB_DIST=dist $(BIN)/python -m pytest tests/wheel -rs $(ARGS)
+	GEARLIB_DIST=dist $(BIN)/python -m pytest tests/wheel -m "" -rs $(ARGS)
 
 report: all
 	$(BIN)/snakemake --report results/report.html --report-stylesheet workflow/report/report.css
@@ -107,6 +108,7 @@ speed-and-accuracy: $(INSTALLED)
 
 docs: $(TESTING)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	$(BIN)/python -m pytest tests/docs tests/workflow/test_recipes.py -m release -rs $(ARGS)
 
 # The test packages are only installed for targets that need them.
 $(INSTALLED) $(TESTING): pyproject.toml requirements/constraints.txt

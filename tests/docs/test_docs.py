@@ -29,6 +29,8 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 NOTEBOOK = DOCS / "from_geometry.ipynb"
+#: Pages whose Python examples take longer than ten seconds; `make docs` runs them.
+LONG_PAGES = ["tutorial_rig", "which_stiffness", "tolerances"]
 
 DOCS_PACKAGES = "ipykernel material mkdocs_click mkdocstrings nbconvert ziamath".split()
 needs_mkdocs = pytest.mark.skipif(
@@ -47,7 +49,14 @@ def pages_with_code_blocks(language):
     """Return test parameters for the pages that have code blocks in a language."""
     pages = [page for page in PAGES if code_blocks(page, language)]
     assert pages
-    return [pytest.param(page, id=str(page.relative_to(ROOT))) for page in pages]
+    return [
+        pytest.param(
+            page,
+            id=str(page.relative_to(ROOT)),
+            marks=[pytest.mark.release] if page.stem in LONG_PAGES else [],
+        )
+        for page in pages
+    ]
 
 
 @pytest.fixture
@@ -155,6 +164,7 @@ def site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.release
 @needs_mkdocs
 @pytest.mark.parametrize("page", ["index.html", "how_to/explorer.html"])
 def test_pages_opened_as_files_can_be_searched(site, browser, page):
@@ -171,6 +181,7 @@ def test_pages_opened_as_files_can_be_searched(site, browser, page):
     assert console_errors(browser) == []
 
 
+@pytest.mark.release
 @needs_mkdocs
 def test_the_notebook_is_executed_and_shows_each_figure_once(site):
     """The stored notebook must have no output, and the site must show the output of each cell."""
@@ -188,6 +199,7 @@ def test_the_notebook_is_executed_and_shows_each_figure_once(site):
     assert re.search(r"mesh frequency +2300 Hz", text) and (site / NOTEBOOK.name).is_file()
 
 
+@pytest.mark.release
 @needs_mkdocs
 def test_the_site_fetches_nothing_from_the_network(site):
     """No script, style sheet, image or formula may need a network, so that pages work offline."""
@@ -201,6 +213,7 @@ def test_the_site_fetches_nothing_from_the_network(site):
         assert "arithmatex" not in text, f"{page.name} has a formula that was not converted"
 
 
+@pytest.mark.release
 @needs_mkdocs
 def test_the_python_reference_contains_public_names_and_parameters(site):
     """All public names must have an entry, and parameters of models their description."""
@@ -283,6 +296,7 @@ def test_motions_from_rest_reach_the_quoted_orbits(import_hook):
         assert f"{small['lowest']:.4g} at nu = {nu}," in computed
 
 
+@pytest.mark.release
 @needs_mkdocs
 def test_every_configuration_key_is_documented(import_hook):
     """Each key of the schema must occur in the tables of the configuration page."""

@@ -130,6 +130,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.release
 @pytest.mark.parametrize("name", DAMAGES)
 def test_damaged_results_are_computed_again(project, undisturbed_project, name):
     """A run after a damage must restore the results, and a further run must find nothing to do."""
@@ -173,6 +174,7 @@ def mount_small_disk(folder, size):
         backup.rename(folder)
 
 
+@pytest.mark.release
 def test_a_full_disk_is_reported_in_one_sentence(project, undisturbed_project):
     """A run on a full disk must fail with one sentence, and a run with more space must succeed."""
     for path in project.results():
@@ -214,6 +216,7 @@ def test_a_second_workflow_is_refused_and_ctrl_c_ends_the_first(project):
     assert "Traceback" not in (project / "printed.txt").read_text(encoding="utf-8")
 
 
+@pytest.mark.release
 def test_killed_workflows_lose_no_results(undisturbed_project, tmp_path):
     """After a job, Snakemake or all processes were killed, a run must give the undisturbed results.
 

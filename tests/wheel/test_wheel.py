@@ -18,7 +18,7 @@ import pytest
 from gearlib.version import __version__
 from tests.workflow.project import ROOT
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.release]
 
 
 def run(*command, **options):

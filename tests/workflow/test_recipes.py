@@ -120,6 +120,7 @@ def test_a_new_method_works_by_the_recipe(library_copy):
     assert "failures.trials[0]" not in process.stderr
 
 
+@pytest.mark.release
 @pytest.mark.slow
 def test_a_new_summary_quantity_works_by_the_recipe(library_copy):
     """Tests must pass for the new quantity and fail if it is wrong or has no expected value."""
@@ -150,6 +151,7 @@ def run_with_report(project, target):
     return rules, (project / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.release
 @pytest.mark.slow
 def test_a_new_figure_of_existing_data_works_by_the_recipe(tmp_path):
     """The figure must be drawn, appear in the report and be redrawn alone after an edit."""
@@ -164,6 +166,7 @@ def test_a_new_figure_of_existing_data_works_by_the_recipe(tmp_path):
     assert project.planned_rules() == {"draw_relieved_stiffness"}
 
 
+@pytest.mark.release
 @pytest.mark.slow
 def test_a_new_study_works_by_the_recipe(tmp_path):
     """The new study must run, appear in the report, rerun after a change and check its keys."""
