@@ -70,7 +70,7 @@ def energy(system, state):
     for contact in system.contacts:
         for side, sign in zip(contact["sides"], (1.0, -1.0), strict=True):
             compression = max(sign * system.distance(side, q, 0.0), 0.0)
-            quadratic_stiffness, cubic_stiffness = contact["powers"]
+            quadratic_stiffness, cubic_stiffness = contact["nonlinear_stiffness"]
             stiffness = system.level(contact, side, 0.0)
             total += (
                 stiffness
