@@ -8,10 +8,10 @@ import zipfile
 from xml.etree import ElementTree
 
 #: Type of a value -> key of JSON.
-_KEYS = {str: "string", bool: "boolean", int: "integer", float: "floating_point"}
+_JSON_KEYS = {str: "string", bool: "boolean", int: "integer", float: "floating_point"}
 
 
-class File:
+class RexsFile:
     """A model to which components and relations are added."""
 
     def __init__(self, version="1.4"):
@@ -26,7 +26,9 @@ class File:
         A value is a number with its unit, (40.0, "mm"), or a value without one.
         """
         key = len(self.components) + 1
-        attributes = [{"id": attribute, **_entry(value)} for attribute, value in values.items()]
+        attributes = [
+            {"id": attribute, **_unit_and_value(value)} for attribute, value in values.items()
+        ]
         entry = {"id": key, "type": kind, "name": name, "attributes": attributes}
         self.components.append(entry)
         if on:
@@ -45,11 +47,13 @@ class File:
     def change(self, name, **values):
         """Change attributes of a component; None removes one."""
         part = self.components[self.id_of(name) - 1]
-        kept = [x for x in part["attributes"] if x["id"] not in values]
-        new = [{"id": x, **_entry(value)} for x, value in values.items() if value is not None]
-        part["attributes"] = kept + new
+        unchanged = [x for x in part["attributes"] if x["id"] not in values]
+        changed = [
+            {"id": x, **_unit_and_value(value)} for x, value in values.items() if value is not None
+        ]
+        part["attributes"] = unchanged + changed
 
-    def case(self, **components):
+    def add_load_case(self, **components):
         """Add a load case: values by the name of a component, in which "_" stands for a space."""
         entries = [
             {
@@ -57,7 +61,7 @@ class File:
                     x: self.components[self.id_of(name.replace("_", " ")) - 1][x]
                     for x in ("id", "type")
                 },
-                "attributes": [{"id": x, **_entry(value)} for x, value in values.items()],
+                "attributes": [{"id": x, **_unit_and_value(value)} for x, value in values.items()],
             }
             for name, values in components.items()
         ]
@@ -76,10 +80,10 @@ class File:
         return tree
 
     def write(self, path):
-        """Write the model in the form that the name of the file says, and return its path."""
+        """Write the model in the format of the file name extension and return the path."""
         text = json.dumps({"model": self.model()}, ensure_ascii=False)
         if path.suffix != ".rexsj":
-            root = _element("model", self.model())
+            root = _xml_element("model", self.model())
             text = ElementTree.tostring(root, encoding="unicode")
         content = b"\xef\xbb\xbf" + text.encode("utf-8")
         if path.suffix in (".rexsz", ".zip"):
@@ -91,16 +95,20 @@ class File:
         return path
 
 
-def _entry(value):
+def _unit_and_value(value):
     """Return the unit and value of an attribute as entries of a JSON object."""
     unit = "none"
     if isinstance(value, tuple):
         value, unit = value
-    key = f"{_KEYS[type(value[0])]}_array" if isinstance(value, list) else _KEYS[type(value)]
+    key = (
+        f"{_JSON_KEYS[type(value[0])]}_array"
+        if isinstance(value, list)
+        else _JSON_KEYS[type(value)]
+    )
     return {"unit": unit, key: value}
 
 
-def _element(tag, tree):
+def _xml_element(tag, tree):
     """Convert an object in the form of JSON to an element of XML."""
     element = ElementTree.Element(tag)
     for name, value in tree.items():
@@ -109,9 +117,9 @@ def _element(tag, tree):
             if name in ("relations", "components") and tag == "model":
                 parent = ElementTree.SubElement(element, name)
             for entry in value:
-                parent.append(_element(name[:-1], entry))
+                parent.append(_xml_element(name[:-1], entry))
         elif isinstance(value, dict):
-            element.append(_element(name, value))
+            element.append(_xml_element(name, value))
         elif name.endswith("_array"):
             array = ElementTree.SubElement(element, "array")
             for cell in value:
@@ -123,7 +131,7 @@ def _element(tag, tree):
     return element
 
 
-def _place(u, v, w):
+def _position_attributes(u, v, w):
     """Return the attributes of a position along the axes of the unit, in mm."""
     return {
         "support_vector": ([u, v, w], "mm"),
@@ -132,12 +140,12 @@ def _place(u, v, w):
     }
 
 
-def add_shaft(file, name, place, sections, **values):
+def add_shaft(file, name, position, sections, **values):
     """Add a shaft with sections (length, outer diameters, inner diameters), in mm.
 
-    Diameters are pairs for the begin and the end of a section. `place` is the begin of the shaft.
+    Diameters are pairs for the start and the end of a section. `position` is the shaft start.
     """
-    file.add("shaft", name, "unit", **_place(*place), **values)
+    file.add("shaft", name, "unit", **_position_attributes(*position), **values)
     file.relate("reference", origin=name, referenced="steel")
     start = 0.0
     for i, (length, outer, inner) in enumerate(sections):
@@ -155,13 +163,15 @@ def add_shaft(file, name, place, sections, **values):
         start += length
 
 
-def add_gear(file, name, shaft, place, teeth, module, helix, width, shift, kind="cylindrical_gear"):
+def add_gear(
+    file, name, shaft, position, teeth, module, helix, width, shift, kind="cylindrical_gear"
+):
     """Add a gear with both flanks.
 
-    `place` is its middle along the axes of the unit, in mm, and `helix` is the helix angle in
+    `position` is its middle along the axes of the unit, in mm, and `helix` is the helix angle in
     degrees.
     """
-    u = place[0] - _origin(file, shaft)[0]
+    u = position[0] - _shaft_position(file, shaft)[0]
     file.add(
         kind,
         name,
@@ -171,7 +181,7 @@ def add_gear(file, name, shaft, place, teeth, module, helix, width, shift, kind=
         helix_angle_reference_diameter=(helix, "°"),
         face_width=(width, "mm"),
         u_coordinate_on_shaft=(u, "mm"),
-        **_place(*place),
+        **_position_attributes(*position),
     )
     file.relate("reference", origin=name, referenced="steel")
     flank = "flank_geometry" if file.version < "1.3" else "cylindrical_gear_flank"
@@ -183,21 +193,21 @@ def add_gear(file, name, shaft, place, teeth, module, helix, width, shift, kind=
     file.relate("flank", gear=name, left=f"{name} left", right=f"{name} right")
 
 
-def _origin(file, shaft):
+def _shaft_position(file, shaft):
     """Return the position of a shaft along the axes of the unit, in mm."""
     attributes = file.components[file.id_of(shaft) - 1]["attributes"]
     return next(x["floating_point_array"] for x in attributes if x["id"] == "support_vector")
 
 
-def add_stage(file, name, first, second, distance, **values):
+def add_stage(file, name, pinion, wheel, centre_distance, **values):
     """Add a stage of two gears with a centre distance in mm."""
-    file.add("cylindrical_stage", name, "unit", center_distance=(distance, "mm"), **values)
-    file.relate("stage", stage=name, gear_1=first, gear_2=second)
+    file.add("cylindrical_stage", name, "unit", center_distance=(centre_distance, "mm"), **values)
+    file.relate("stage", stage=name, gear_1=pinion, gear_2=wheel)
 
 
-def two_stages(version="1.4"):
+def two_stage_file(version="1.4"):
     """Return a file of two helical stages with conical shafts, a coupling and two load cases."""
-    file = File(version)
+    file = RexsFile(version)
     file.add(
         "material",
         "steel",
@@ -240,7 +250,7 @@ def two_stages(version="1.4"):
     file.relate("side", assembly="Kupplung", inner_part="Abtrieb", outer_part="Flansch")
     for share, torque, speed in ((75.0, 40.0, 1500.0), (25.0, -25.0, 900.0)):
         name = "load_duration_fraction" if version < "1.3" else "operating_time_fraction"
-        file.case(
+        file.add_load_case(
             unit={name: (share, "%")},
             Antrieb={"rotational_speed": (speed, "1 / min")},
             Motor={"torque_around_u_axis": (torque, "N m")},
@@ -248,11 +258,11 @@ def two_stages(version="1.4"):
     return file
 
 
-def planetary(version="1.1"):
+def planetary_file(version="1.1"):
     """Return a file of a planetary set with fixed ring and a stage driven by its carrier."""
     import math
 
-    file = File(version)
+    file = RexsFile(version)
     file.add("material", "steel", elastic_modulus=(206.0, "GPa"), density=(7850.0, "kg / m^3"))
     solid = (0.0, 0.0)
     add_shaft(
@@ -273,14 +283,19 @@ def planetary(version="1.1"):
     for name, u in (("Wange 1", 40.0), ("Wange 2", 92.0)):
         plate = {"outer_diameter": (170.0, "mm"), "inner_diameter": (70.0, "mm")}
         file.add(
-            "side_plate", name, "Planetenträger", length=(8.0, "mm"), **plate, **_place(u, 0.0, 0.0)
+            "side_plate",
+            name,
+            "Planetenträger",
+            length=(8.0, "mm"),
+            **plate,
+            **_position_attributes(u, 0.0, 0.0),
         )
         file.relate("reference", origin=name, referenced="steel")
     file.add(
         "coupling",
         "Steg an Wange",
         rotational_stiffness=(1e20, "N mm / rad"),
-        **_place(105.0, 0.0, 0.0),
+        **_position_attributes(105.0, 0.0, 0.0),
     )
     file.relate("side", assembly="Steg an Wange", inner_part="Steg", outer_part="Wange 2")
     add_gear(file, "Sonne", "Sonnenwelle", (70.0, 0.0, 0.0), 18, 3.0, 0.0, 36.0, 0.0)
@@ -289,12 +304,16 @@ def planetary(version="1.1"):
     )
     for i in range(3):
         angle = 2.0 * math.pi * i / 3
-        place = 58.5 * math.sin(angle), 58.5 * math.cos(angle)
-        add_shaft(file, f"Planetenwelle {i}", (52.0, *place), [(36.0, (20.0, 20.0), (12.0, 12.0))])
-        add_shaft(file, f"Bolzen {i}", (44.0, *place), [(52.0, (12.0, 12.0), solid)])
+        position = 58.5 * math.sin(angle), 58.5 * math.cos(angle)
+        add_shaft(
+            file, f"Planetenwelle {i}", (52.0, *position), [(36.0, (20.0, 20.0), (12.0, 12.0))]
+        )
+        add_shaft(file, f"Bolzen {i}", (44.0, *position), [(52.0, (12.0, 12.0), solid)])
         file.relate("planet_shaft", planetary_stage="Planetenstufe", shaft=f"Planetenwelle {i}")
         file.relate("planet_pin", planetary_stage="Planetenstufe", shaft=f"Bolzen {i}")
-        add_gear(file, f"Planet {i}", f"Planetenwelle {i}", (70.0, *place), 21, 3.0, 0.0, 35.0, 0.0)
+        add_gear(
+            file, f"Planet {i}", f"Planetenwelle {i}", (70.0, *position), 21, 3.0, 0.0, 35.0, 0.0
+        )
         add_stage(file, f"Sonne-Planet {i}", "Sonne", f"Planet {i}", 58.5)
         add_stage(file, f"Planet-Hohlrad {i}", f"Planet {i}", "Hohlrad", 58.5)
     file.add(

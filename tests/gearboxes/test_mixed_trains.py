@@ -14,11 +14,11 @@ from gearlib.geometry import GearStage, ParallelStage, SpurGear, planetary_set
 from gearlib.models.from_values import build_model
 from gearlib.studies import gearboxes
 
-from .rexs_files import planetary, two_stages
+from .rexs_files import planetary_file, two_stage_file
 
 SUN, PLANET = (SpurGear(teeth=z, module=0.004, width=0.05) for z in (17, 22))
 RING = SpurGear(teeth=61, module=0.004, width=0.05, internal=True, outer_diameter=0.28)
-FIRST, SECOND = (
+SUN_STAGE, CARRIER_STAGE = (
     GearStage(*(SpurGear(teeth=z, module=m, width=0.03) for z in teeth))
     for m, teeth in ((0.003, (23, 67)), (0.006, (20, 41)))
 )
@@ -27,8 +27,8 @@ FIRST, SECOND = (
 def mixed_train(**options):
     """Return a planetary set with a stage on its sun and another stage on its carrier."""
     stages = [
-        ParallelStage(stage=FIRST, on="sun", gear="wheel", shaft_stiffness=1e5, position=1.0),
-        ParallelStage(stage=SECOND, on="carrier", shaft_stiffness=1e6, position=2.0),
+        ParallelStage(stage=SUN_STAGE, on="sun", gear="wheel", shaft_stiffness=1e5, position=1.0),
+        ParallelStage(stage=CARRIER_STAGE, on="carrier", shaft_stiffness=1e6, position=2.0),
     ]
     options = {"damping_ratio": 0.05, "model": "rectangle", "stages": stages} | options
     return planetary_set(SUN, PLANET, RING, torque=300.0, **options)
@@ -54,6 +54,7 @@ def test_speeds_and_mesh_frequencies_satisfy_willis_equation():
 
 
 def test_the_reference_mesh_may_be_one_in_the_housing():
+    """A change of the reference mesh must only rescale all frequency ratios and speeds."""
     train = mixed_train()
     speeds = train.speeds.in_housing
     ratio = speeds["carrier"] / (speeds["pinion 1"] - speeds["carrier"])
@@ -68,17 +69,19 @@ def test_the_reference_mesh_may_be_one_in_the_housing():
 
 
 def test_torques_balance_and_press_the_drive_sides():
+    """Static mesh forces must be positive and follow from 300 N m and the numbers of teeth."""
     # Torques follow from the input torque of 300 N m and the numbers of teeth.
     train = mixed_train()
     forces = train.static().mesh_force.values
     assert forces.min() > 0.0
     assert forces[:3] == pytest.approx(forces[3:6])
-    torque = forces[-2] * FIRST.pinion.base_diameter / 2.0
+    torque = forces[-2] * SUN_STAGE.pinion.base_diameter / 2.0
     assert torque == pytest.approx(300.0 * 23 / 67)
-    assert forces[-1] * SECOND.pinion.base_diameter / 2.0 == pytest.approx(300.0 * 78 / 17)
+    assert forces[-1] * CARRIER_STAGE.pinion.base_diameter / 2.0 == pytest.approx(300.0 * 78 / 17)
 
 
 def test_a_moving_axis_in_the_housing_beside_a_turning_carrier_is_refused():
+    """An elastic support in the housing has no constant stiffness in the carrier frame."""
     train = mixed_train()
     bodies = [
         body
@@ -147,17 +150,18 @@ def test_characteristic_frequencies_of_a_stage_match_hand_calculation():
 def test_planet_passing_frequencies_match_the_speed_of_the_carrier():
     """Three planets pass the fixed ring at three times the speed of the carrier."""
     frequencies = gearlib.characteristic_frequencies(mixed_train(stages=()), 780.0)
-    passing = dict(
+    passing_frequencies = dict(
         zip(frequencies.body.values, frequencies.planet_passing_frequency.values, strict=True)
     )
     carrier = 13.0 * 17 / 78
-    assert passing["ring"] == pytest.approx(3 * carrier)
-    assert passing["sun"] == pytest.approx(3 * (13.0 - carrier))
-    assert math.isnan(passing["carrier"])
+    assert passing_frequencies["ring"] == pytest.approx(3 * carrier)
+    assert passing_frequencies["sun"] == pytest.approx(3 * (13.0 - carrier))
+    assert math.isnan(passing_frequencies["carrier"])
 
 
 @pytest.mark.parametrize("suffix", [".yaml", ".nc"])
 def test_a_train_read_from_a_file_equals_the_one_written(suffix, tmp_path):
+    """A train must survive writing to and reading from YAML and netCDF unchanged."""
     force = gearlib.HarmonicForce(body="sun", amplitude=3.0, order=2, of="sun", phase=0.1)
     train = mixed_train(model="teeth").replace(forces=[force], modal_damping=[0.02])
     gearlib.write_train(train, tmp_path / f"train{suffix}")
@@ -165,6 +169,7 @@ def test_a_train_read_from_a_file_equals_the_one_written(suffix, tmp_path):
 
 
 def test_a_wrong_value_in_a_train_file_is_named(tmp_path):
+    """A negative inertia and a file without a train must be refused with the path of the value."""
     path = tmp_path / "train.yaml"
     gearlib.write_train(mixed_train(), path)
     content = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -179,7 +184,7 @@ def test_a_wrong_value_in_a_train_file_is_named(tmp_path):
 
 def test_the_command_prints_a_gearbox_and_starts_a_project(tmp_path):
     """The new project must compute the gearbox; an existing folder and a bad file are refused."""
-    path = two_stages().write(tmp_path / "box.rexs")
+    path = two_stage_file().write(tmp_path / "box.rexs")
     printed = CliRunner().invoke(main, ["gearbox", str(path)])
     assert printed.exit_code == 0 and "Stufe 2  19/39" in printed.output
     init_result = CliRunner().invoke(main, ["init", str(tmp_path / "new"), "--gearbox", str(path)])
@@ -197,7 +202,7 @@ def test_the_command_prints_a_gearbox_and_starts_a_project(tmp_path):
 
 def test_studies_cover_both_load_cases_of_a_gearbox(tmp_path):
     """Tables must have rows for each load case and the largest factors in the summary."""
-    path = str(two_stages().write(tmp_path / "box.rexs"))
+    path = str(two_stage_file().write(tmp_path / "box.rexs"))
     stages, boxes, reasons = gearboxes.list_computations(path)
     assert len(stages) == 4 and boxes == ["1", "2"] and not reasons
     curves = [gearboxes.sweep_stage(path, *job, 0.05, 5) for job in stages]
@@ -215,12 +220,14 @@ def test_studies_cover_both_load_cases_of_a_gearbox(tmp_path):
 
 
 def test_equal_meshes_of_planets_are_computed_once(tmp_path):
-    path = str(planetary().write(tmp_path / "box.rexsj"))
+    """Three equal planets must give one sun mesh and one ring mesh besides the parallel stage."""
+    path = str(planetary_file().write(tmp_path / "box.rexsj"))
     names = [name for name, _ in gearboxes.list_computations(path)[0]]
     assert names == ["Sonne-Planet 0", "Planet-Hohlrad 0", "Stirnradstufe"]
 
 
 def test_the_page_of_a_gearbox_has_its_pictures_and_tables():
+    """The HTML page of a gearbox with two load cases must contain six pictures and three tables."""
     page = gearbox_report.page("gallery/two_stage.rexs", "", points=3, orders=1, revolutions=3)
     # The pictures are the view, the stages, and modes and order map in each of two load cases.
     assert page.count("<img ") == 6 and page.count("<table") == 3

@@ -1,10 +1,10 @@
-"""A second code for the phases of gear trains that places teeth in the plane, without gearlib.
+"""Phases of gear trains from the positions of teeth in the plane, computed without gearlib.
 
-Flanks are involutes of the base circle, cut at the tip circle. Gears are turned until flanks touch,
-and gears on a common shaft until teeth are in line. Flanks touch where they cross the line of
-action, the common tangent of both base circles, which gives the begin and the end of each contact.
-Angles are counterclockwise, complex numbers are points of the plane, and time is in periods of the
-first mesh.
+Flanks are involutes of the base circle, cut at the tip circle. Gears are rotated until flanks
+touch, and gears on a common shaft until their teeth are aligned. Flanks touch where they cross the
+line of action, the common tangent of both base circles, which gives the begin and the end of each
+contact. Angles are counterclockwise, complex numbers are points of the plane, and time is in
+periods of the first mesh.
 """
 
 import cmath
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from scipy.optimize import brentq
 
 MODULE, PRESSURE_ANGLE = 3e-3, math.radians(20.0)
-#: Rounding of positions, as a fraction of a pitch.
-CLOSE = 1e-6
+#: Tolerance of positions, as a fraction of a pitch.
+POSITION_TOLERANCE = 1e-6
 
 
 @dataclass
@@ -43,29 +43,33 @@ def involute(angle):
     return math.tan(angle) - angle
 
 
-def play(gears, working):
+def circumferential_backlash(gears, working):
     """Return the circumferential backlash of two gears at a working pressure angle, in pitches."""
-    halves = [gear.half_base_angle - gear.sign * involute(working) for gear in gears]
-    return 0.5 - sum(half / gear.pitch for half, gear in zip(halves, gears, strict=True))
+    half_angles = [gear.half_base_angle - gear.sign * involute(working) for gear in gears]
+    return 0.5 - sum(
+        half_angle / gear.pitch for half_angle, gear in zip(half_angles, gears, strict=True)
+    )
 
 
-def axis_distance(gear, mate, loosening=0.0):
-    """Return the centre distance without backlash, increased by `loosening` modules."""
+def axis_distance(gear, mate, added_distance=0.0):
+    """Return the centre distance without backlash, increased by `added_distance` modules."""
     sign = gear.sign * mate.sign
-    working = brentq(lambda angle: play((gear, mate), angle), 1e-3, 1.2, xtol=1e-14)
-    return abs(gear.base + sign * mate.base) / math.cos(working) + sign * loosening * MODULE
+    working = brentq(
+        lambda angle: circumferential_backlash((gear, mate), angle), 1e-3, 1.2, xtol=1e-14
+    )
+    return abs(gear.base + sign * mate.base) / math.cos(working) + sign * added_distance * MODULE
 
 
-class Flanks:
-    """The flanks of a mesh that touch on the drive side or, if `coast`, on the coast side.
+class FlankContact:
+    """Geometry of the contact of two gears on the drive side or, if `coast`, on the coast side.
 
     A mesh is (driving gear, driven gear, distance of the axes, angle from the first to the second).
     """
 
-    def __init__(self, machine, mesh, coast=False):
+    def __init__(self, placed_gears, mesh, coast=False):
         names, (centre_distance, centre_line) = mesh[:2], mesh[2:]
-        self.gears = [machine.gears[name] for name in names]
-        self.speeds = [machine.speed[name] for name in names]
+        self.gears = [placed_gears.gears[name] for name in names]
+        self.speeds = [placed_gears.speed[name] for name in names]
         signs = [gear.sign for gear in self.gears]
         # The driving gear pushes with the flanks that face forwards. Two external gears touch with
         # flanks of the same side, a ring gear and its mate with flanks of opposite sides.
@@ -86,7 +90,8 @@ class Flanks:
         ]
         # While drive flanks touch, all backlash is between the coast flanks.
         self.half_angles = [
-            gear.half_base_angle + (gear.pitch * play(self.gears, working) if coast else 0.0)
+            gear.half_base_angle
+            + (gear.pitch * circumferential_backlash(self.gears, working) if coast else 0.0)
             for gear in self.gears
         ]
 
@@ -99,9 +104,11 @@ class Flanks:
     def tooth_angle(self, i, point):
         """Return the angle of the tooth of gear `i` whose flank passes a point of this line."""
         tangent_angle = self.tangent_angles[i]
-        along = (point - self.axes[i]) * cmath.exp(-1j * tangent_angle) / self.gears[i].base
-        assert abs(along.real - 1.0) < 1e-9, "the point must lie on the common tangent"
-        return tangent_angle + along.imag - self.sides[i] * self.half_angles[i]
+        relative_point = (
+            (point - self.axes[i]) * cmath.exp(-1j * tangent_angle) / self.gears[i].base
+        )
+        assert abs(relative_point.real - 1.0) < 1e-9, "the point must lie on the common tangent"
+        return tangent_angle + relative_point.imag - self.sides[i] * self.half_angles[i]
 
     def tip(self, i):
         """Return the point at which the tip circle of gear `i` cuts the path of contact."""
@@ -119,41 +126,41 @@ class Flanks:
         (a, b), (u, v) = self.axes, self.speeds
         return (v * b - u * a) / (v - u)
 
-    def slip(self, point):
-        """Return the velocity of the first gear relative to the second at a point."""
+    def sliding_velocity(self, point):
+        """Return the sliding velocity of the first gear relative to the second at a point."""
         (a, b), (u, v) = self.axes, self.speeds
         return 1j * (u * (point - a) - v * (point - b))
 
 
-class Machine:
-    """Gears placed so that the first mesh has the middle of its double contact at time 0.
+class PlacedGears:
+    """Gears of a train, placed so that the first mesh is in the middle of double contact at time 0.
 
     Parameters
     ----------
     gears : dict of name -> Gear
     meshes : list of (str, str, float, float)
-        See `Flanks`.
+        See `FlankContact`.
     shafts : list of (name, name, float)
         The angle is that by which the second gear is keyed ahead of the first.
-    sense : {1, -1}
+    rotation_direction : {1, -1}
         1 if the first gear of the first mesh rotates counterclockwise.
     """
 
-    def __init__(self, gears, meshes, shafts=(), sense=1):
+    def __init__(self, gears, meshes, shafts=(), rotation_direction=1):
         self.gears, self.meshes, self.shafts = gears, meshes, shafts
         first, name = meshes[0], meshes[0][0]
         #: Speed of each gear by name, rad per period of the first mesh.
-        self.speed = {name: sense * gears[name].pitch}
-        self._spread(self.speed, self._speed_of_mate, lambda shaft, i, speed: speed)
+        self.speed = {name: rotation_direction * gears[name].pitch}
+        self._propagate(self.speed, self._speed_of_mate, lambda shaft, i, speed: speed)
         # With a tooth at angle 0 the first mesh has some phase, by which the gear is turned back.
         self.tooth_angles = {name: 0.0}
         angle = self._reference_tooth(first, 0, self.speed[name] * self.phase(first))
         #: Angle of one tooth of each gear by name, at time 0.
         self.tooth_angles = {name: angle}
-        self._spread(self.tooth_angles, self._tooth_of_mate, self._tooth_on_shaft)
+        self._propagate(self.tooth_angles, self._tooth_of_mate, self._tooth_on_shaft)
 
-    def _spread(self, values, over_mesh, over_shaft):
-        """Complete `values`, name -> number, over meshes and, where none is left, the next shaft.
+    def _propagate(self, values, over_mesh, over_shaft):
+        """Complete the dict `values`, name -> number, along meshes and shafts.
 
         `over_mesh` and `over_shaft` return the value of the other gear from (link, index, value).
         """
@@ -161,9 +168,9 @@ class Machine:
         links += [(shaft, over_shaft) for shaft in self.shafts]
         while True:
             for link, over in links:
-                known = [name in values for name in link[:2]]
-                if known[0] != known[1]:
-                    i = known.index(True)
+                has_value = [name in values for name in link[:2]]
+                if has_value[0] != has_value[1]:
+                    i = has_value.index(True)
                     values[link[1 - i]] = over(link, i, values[link[i]])
                     break
             else:
@@ -176,7 +183,7 @@ class Machine:
 
     def _tooth_of_mate(self, mesh, i, angle):
         """Return the angle of a tooth of the mate that touches a tooth of gear `i` of a mesh."""
-        flanks = Flanks(self, mesh)
+        flanks = FlankContact(self, mesh)
         touching = flanks.tooth_angle(1 - i, flanks.point(i, angle))
         return self._reference_tooth(mesh, 1 - i, touching)
 
@@ -185,9 +192,9 @@ class Machine:
 
         If two teeth are equally near, the one on the drive side counts.
         """
-        flanks, pitch = Flanks(self, mesh), self.gears[mesh[i]].pitch
+        flanks, pitch = FlankContact(self, mesh), self.gears[mesh[i]].pitch
         pitches_ahead = flanks.sides[i] * (angle - flanks.mesh_angles[i]) / pitch
-        return angle - flanks.sides[i] * pitch * math.ceil(pitches_ahead - 0.5 - CLOSE)
+        return angle - flanks.sides[i] * pitch * math.ceil(pitches_ahead - 0.5 - POSITION_TOLERANCE)
 
     def _tooth_on_shaft(self, shaft, i, angle):
         """Return the angle of the tooth of the other gear on a shaft that is keyed to a tooth."""
@@ -195,15 +202,15 @@ class Machine:
 
     def contact_times(self, mesh, coast=False):
         """Return when a tooth pair begins contact, passes the pitch point and ends contact."""
-        flanks, name = Flanks(self, mesh, coast), mesh[0]
+        flanks, name = FlankContact(self, mesh, coast), mesh[0]
         points = [flanks.tip(1), flanks.pitch_point, flanks.tip(0)]
-        turns = [flanks.tooth_angle(0, point) - self.tooth_angles[name] for point in points]
-        # Contact begins at the tip of the driven gear, which on the coast side is the other one.
+        rotations = [flanks.tooth_angle(0, point) - self.tooth_angles[name] for point in points]
+        # Contact begins at the tip of the driven gear, which is the first gear on the coast side.
         pitch = math.copysign(self.gears[name].pitch, self.speed[name])
-        return [turn / pitch for turn in (reversed(turns) if coast else turns)]
+        return [rotation / pitch for rotation in (reversed(rotations) if coast else rotations)]
 
     def phase(self, mesh, coast=False):
-        """Return the middle of the time with one more pair in contact, in mesh periods."""
+        """Return the middle of the interval with one more pair in contact, in mesh periods."""
         begin, _, end = self.contact_times(mesh, coast)
         return begin + (end - begin) % 1.0 / 2.0
 

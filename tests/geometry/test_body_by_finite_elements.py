@@ -13,18 +13,18 @@ from gearlib.models.geometry.mesh_stiffness import Tooth
 
 #: Numbers of elements across a tooth, across a gap, from bore to root, along a fillet, and along a
 #: flank in each base pitch.
-ACROSS, GAP, RADIAL, FILLET, PER_PITCH = 6, 3, 16, 6, 6
+TOOTH_ELEMENTS, GAP_ELEMENTS, RADIAL_ELEMENTS, FILLET_ELEMENTS, ELEMENTS_PER_PITCH = 6, 3, 16, 6, 6
 POISSON = 0.3
 
 
-def triangles(vertices):
+def grid_triangles(vertices):
     """Return the triangles, (3, n), of a rectangular grid of vertex numbers."""
     a, b = vertices[:-1, :-1].ravel(), vertices[:-1, 1:].ravel()
     c, d = vertices[1:, 1:].ravel(), vertices[1:, :-1].ravel()
     return np.hstack([[a, b, c], [a, c, d]])
 
 
-class FiniteElements:
+class FiniteElementGear:
     """A plane-stress model of a whole gear with clamped bore, for E = 1 and width 1."""
 
     def __init__(self, tooth, phi):
@@ -32,45 +32,47 @@ class FiniteElements:
         self.tooth, self.phi = tooth, phi
         gear, self.pitch = tooth.gear, math.tau / tooth.gear.teeth
         fillet = tooth.fillet(
-            np.linspace(math.pi / 2.0, gear.transverse_pressure_angle, FILLET + 1)
+            np.linspace(math.pi / 2.0, gear.transverse_pressure_angle, FILLET_ELEMENTS + 1)
         )
         x, y = (np.append(fillet[i], tooth.flank(phi)[i]) for i in range(2))
         half_angle, radius = np.arctan2(x, y), np.hypot(x, y)
         # The ring from the bore to the root circle; angles are clockwise from the first tooth.
-        across = half_angle[0] * np.linspace(-1.0, 1.0, ACROSS + 1)[:-1]
-        gap = np.linspace(half_angle[0], self.pitch - half_angle[0], GAP + 1)[:-1]
-        columns = np.add.outer(self.pitch * np.arange(gear.teeth), np.append(across, gap)).ravel()
-        radii = np.geomspace(gear.bore / 2.0, radius[0], RADIAL + 1)
-        angle, distance = [np.tile(columns, radii.size)], [np.repeat(radii, columns.size)]
+        tooth_angles = half_angle[0] * np.linspace(-1.0, 1.0, TOOTH_ELEMENTS + 1)[:-1]
+        gap_angles = np.linspace(half_angle[0], self.pitch - half_angle[0], GAP_ELEMENTS + 1)[:-1]
+        root_angles = np.add.outer(
+            self.pitch * np.arange(gear.teeth), np.append(tooth_angles, gap_angles)
+        ).ravel()
+        radii = np.geomspace(gear.bore / 2.0, radius[0], RADIAL_ELEMENTS + 1)
+        angle, distance = [np.tile(root_angles, radii.size)], [np.repeat(radii, root_angles.size)]
         ring = np.arange(angle[0].size).reshape(radii.size, -1)
-        elements, count = [triangles(np.column_stack([ring, ring[:, 0]]))], ring.size
+        elements, count = [grid_triangles(np.column_stack([ring, ring[:, 0]]))], ring.size
         self.flanks = []  # vertices of the clockwise flank of each tooth
-        for number in range(gear.teeth):
-            first = number * (ACROSS + GAP)
-            root = ring[-1, (first + np.arange(ACROSS + 1)) % columns.size]
+        for tooth_number in range(gear.teeth):
+            first = tooth_number * (TOOTH_ELEMENTS + GAP_ELEMENTS)
+            root = ring[-1, (first + np.arange(TOOTH_ELEMENTS + 1)) % root_angles.size]
             rows = count + np.arange((radius.size - 1) * root.size).reshape(-1, root.size)
             count += rows.size
             spread = np.outer(half_angle[1:], np.linspace(-1.0, 1.0, root.size))
-            angle.append(self.pitch * number + spread.ravel())
+            angle.append(self.pitch * tooth_number + spread.ravel())
             distance.append(np.repeat(radius[1:], root.size))
-            elements.append(triangles(np.vstack([root, rows])))
-            self.flanks.append(rows[FILLET:, -1])
+            elements.append(grid_triangles(np.vstack([root, rows])))
+            self.flanks.append(rows[FILLET_ELEMENTS:, -1])
         angle, distance = np.concatenate(angle), np.concatenate(distance)
         points = distance * np.array([np.sin(angle), np.cos(angle)])
         grid = skfem.MeshTri(points, np.hstack(elements))
         self.basis = skfem.Basis(grid, skfem.ElementVector(skfem.ElementTriP2()))
-        law = linear_elasticity(POISSON / (1.0 - POISSON**2), 0.5 / (1.0 + POISSON))
-        matrix = law.assemble(self.basis)
+        elasticity = linear_elasticity(POISSON / (1.0 - POISSON**2), 0.5 / (1.0 + POISSON))
+        matrix = elasticity.assemble(self.basis)
         bore = grid.facets_satisfying(lambda x: np.hypot(*x) < 0.501 * gear.bore)
         self.free = self.basis.complement_dofs(self.basis.get_dofs(bore))
         self.factors = splu(matrix[self.free][:, self.free].tocsc())
-        self.root, self.root_angle = ring[-1], columns
+        self.root, self.root_angle = ring[-1], root_angles
 
-    def unit_force(self, number, index):
+    def unit_force(self, tooth_number, index):
         """Return the vector of a unit force on a flank, along the normal into the tooth."""
         _, _, b = self.tooth.flank(self.phi[index])
-        angle, force = self.pitch * number - b, np.zeros(self.basis.N)
-        vertex = self.flanks[number][index]
+        angle, force = self.pitch * tooth_number - b, np.zeros(self.basis.N)
+        vertex = self.flanks[tooth_number][index]
         force[self.basis.nodal_dofs[:, vertex]] = -math.cos(angle), math.sin(angle)
         return force
 
@@ -89,7 +91,7 @@ class FiniteElements:
         return np.average(tangential, weights=weights) * ratio
 
 
-SLENDER = Rack(addendum=1.35, dedendum=1.6, tip_radius=0.2)
+SLENDER_RACK = Rack(addendum=1.35, dedendum=1.6, tip_radius=0.2)
 
 
 @pytest.mark.parametrize(
@@ -98,7 +100,7 @@ SLENDER = Rack(addendum=1.35, dedendum=1.6, tip_radius=0.2)
         ((21, 58), 3.5e-3, 20e-3, "A", 1),
         ((50, 50), 3e-3, 50e-3, "A", 1),
         ((20, 20), 4e-3, 44e-3, "A", 1),
-        ((50, 50), 4e-3, 60e-3, SLENDER, 2),
+        ((50, 50), 4e-3, 60e-3, SLENDER_RACK, 2),
     ],
 )
 def test_shared_compliance_matches_finite_elements(teeth, module, bore, rack, distance):
@@ -113,8 +115,8 @@ def test_shared_compliance_matches_finite_elements(teeth, module, bore, rack, di
     tooth = Tooth(mesh.pinion, mesh.width)
     start, end = np.array(mesh.path) / tooth.base_radius
     # The next pair touches one base pitch further, where phi is larger by 2 pi / z.
-    phi = np.arange(end, start, -math.tau / teeth[0] / PER_PITCH)[::-1]
-    model, offset = FiniteElements(tooth, phi), distance * PER_PITCH
+    phi = np.arange(end, start, -math.tau / teeth[0] / ELEMENTS_PER_PITCH)[::-1]
+    model, offset = FiniteElementGear(tooth, phi), distance * ELEMENTS_PER_PITCH
     compliances = []
     for index in range(offset, phi.size):
         displacement = model.displacement(model.unit_force(0, index))

@@ -9,33 +9,33 @@ from gearlib.geometry import GearStage, SpurGear, dynamic_factor, iso_stiffness
 from tests.geometry.stages import fzg_c, iso_example
 
 
-def by_hand(ratio, contact, pitch, form, relief):
-    """Return K_v by the formulas of each speed range, for a total contact ratio `contact`.
+def standard_dynamic_factor(ratio, contact_ratio, pitch, form, relief):
+    """Return K_v by the formulas of each speed range, for a total contact ratio `contact_ratio`.
 
     `ratio` is the resonance ratio N; `pitch`, `form` and `relief` are the effects B_p, B_f and B_k.
     """
-    if contact < 2.0:
-        sub = 0.32 * pitch + 0.34 * form + 0.23 * relief
+    if contact_ratio < 2.0:
+        subcritical = 0.32 * pitch + 0.34 * form + 0.23 * relief
         main = 0.32 * pitch + 0.34 * form + 0.90 * relief + 1.0
-        beyond = 0.47 * pitch + 0.47 * form + 0.75
+        supercritical = 0.47 * pitch + 0.47 * form + 0.75
     else:
-        second, sixth = 0.57 / (contact - 0.3), 0.12 / (contact - 1.74)
-        sub = 0.32 * pitch + second * form + 0.096 / (contact - 1.56) * relief
-        fourth = (0.57 - 0.05 * contact) / (contact - 1.44)
-        main = 0.32 * pitch + second * form + fourth * relief + 1.0
-        beyond = 0.47 * pitch + sixth * form + 1.0
+        c_v2, c_v6 = 0.57 / (contact_ratio - 0.3), 0.12 / (contact_ratio - 1.74)
+        subcritical = 0.32 * pitch + c_v2 * form + 0.096 / (contact_ratio - 1.56) * relief
+        c_v4 = (0.57 - 0.05 * contact_ratio) / (contact_ratio - 1.44)
+        main = 0.32 * pitch + c_v2 * form + c_v4 * relief + 1.0
+        supercritical = 0.47 * pitch + c_v6 * form + 1.0
     if ratio <= 0.85:
-        return ratio * sub + 1.0
+        return ratio * subcritical + 1.0
     if ratio <= 1.15:
         return main
-    return beyond + (main - beyond) * max(1.5 - ratio, 0.0) / 0.35
+    return supercritical + (main - supercritical) * max(1.5 - ratio, 0.0) / 0.35
 
 
 @pytest.mark.parametrize(
     ("mesh", "torque", "relief"), [(fzg_c(), 302.0, 5.0), (iso_example(), 9000.0, 70.0)]
 )
 def test_dynamic_factors_of_all_speed_ranges_match_the_standard(mesh, torque, relief):
-    """Compare factors over the resonance ratio with the formulas of `by_hand`."""
+    """Compare factors over the resonance ratio with the formulas of `standard_dynamic_factor`."""
     # Units are N, mm, um and kg/mm, as in the standard.
     load = mesh.tangential_force(torque) / (1e3 * mesh.width)
     stiffness = iso_stiffness(mesh, torque)
@@ -53,7 +53,7 @@ def test_dynamic_factors_of_all_speed_ranges_match_the_standard(mesh, torque, re
     deviations = {"pitch_deviation": 14e-6, "form_deviation": 11e-6, "tip_relief": 1e-6 * relief}
     result = dynamic_factor(mesh, torque, ratios * resonance, **deviations)
     contact_ratio = mesh.contact_ratio + mesh.overlap_ratio
-    expected = [by_hand(ratio, contact_ratio, *effects) for ratio in ratios]
+    expected = [standard_dynamic_factor(ratio, contact_ratio, *effects) for ratio in ratios]
     np.testing.assert_allclose(result.factor, expected, rtol=1e-12)
     np.testing.assert_allclose(result.resonance_ratio, ratios, rtol=1e-12)
     assert result.resonance_speed == pytest.approx(resonance, rel=1e-12)
@@ -77,9 +77,7 @@ def test_at_low_load_teeth_are_softer_and_the_main_resonance_begins_earlier():
 
 def test_deviations_of_an_accuracy_class_match_the_standard():
     """Pitch and form deviations must follow ISO 1328-1 and double every two classes."""
-    # In class 5 of ISO 1328-1:2013 the deviations are 0.001 d + 0.4 m_n + 5 and 0.55 m_n + 5, in
-    # um.
-    # They double every two classes.
+    # In class 5 of ISO 1328-1:2013 the deviations are 0.001 d + 0.4 m_n + 5 and 0.55 m_n + 5 (um).
     fine, coarse = (SpurGear(teeth=50, module=4e-3, width=0.02, quality=n) for n in (5, 9))
     assert fine.pitch_deviation == pytest.approx(6.8e-6, rel=1e-12)
     assert fine.form_deviation == pytest.approx(7.2e-6, rel=1e-12)

@@ -7,9 +7,9 @@ import pytest
 
 from gearlib import LoadSharingPair
 from gearlib.geometry import GearStage, SpurGear, Web
-from tests.geometry.stages import gears_of_20_teeth, ring, short_teeth
+from tests.geometry.stages import gears_of_20_teeth, ring_stage, short_tooth_stage
 
-COSINE = math.cos(math.radians(20.0))
+COS_PRESSURE_ANGLE = math.cos(math.radians(20.0))
 
 
 def test_thickness_allowances_open_backlash_along_the_line_of_action():
@@ -25,12 +25,14 @@ def test_thickness_allowances_open_backlash_along_the_line_of_action():
         == 0.0
     )
     gears_with_allowance = gears_of_20_teeth(thickness_allowance=-5e-5)
-    assert gears_with_allowance.backlash == pytest.approx(2.0 * 5e-5 * COSINE, rel=1e-9)
+    assert gears_with_allowance.backlash == pytest.approx(2.0 * 5e-5 * COS_PRESSURE_ANGLE, rel=1e-9)
     assert (
         GearStage(gears_with_allowance.pinion, gears_with_allowance.wheel, backlash=3e-5).backlash
         == 3e-5
     )
-    assert ring(thickness_allowance=-5e-5).backlash == pytest.approx(5e-5 * COSINE, rel=1e-9)
+    assert ring_stage(thickness_allowance=-5e-5).backlash == pytest.approx(
+        5e-5 * COS_PRESSURE_ANGLE, rel=1e-9
+    )
 
 
 def test_clearances_are_gaps_between_tip_and_root():
@@ -40,7 +42,7 @@ def test_clearances_are_gaps_between_tip_and_root():
         SpurGear(teeth=z, module=4e-3, width=0.02, shift=x) for z, x in ((25, 0.2), (60, -0.2))
     )
     assert GearStage(*gears).clearances == pytest.approx((1e-3, 1e-3), abs=1e-15)
-    mesh = ring()
+    mesh = ring_stage()
     tip = (mesh.wheel.tip_diameter - mesh.pinion.root_diameter) / 2.0 - mesh.centre_distance
     assert mesh.clearances == pytest.approx((1e-3, tip), abs=1e-12)
 
@@ -52,7 +54,7 @@ GEAR = SpurGear(
     bore=0.04,
     web=Web(thickness=0.01, rim_diameter=0.15, hub_diameter=0.08),
 )
-RING = ring().wheel
+RING = ring_stage().wheel
 
 
 @pytest.mark.parametrize(
@@ -63,19 +65,20 @@ RING = ring().wheel
     ],
 )
 def test_mass_and_inertia_add_up_hub_web_and_rim(gear, diameters, widths):
+    """Mass and inertia must be sums over steel rings, 7850 kg/m^3, of given size."""
     mass, inertia = (np.diff(np.power(diameters, n)) @ widths for n in (2, 4))
     assert gear.mass == pytest.approx(7850.0 * math.pi / 4.0 * mass, rel=1e-12)
     assert gear.inertia == pytest.approx(7850.0 * math.pi / 32.0 * inertia, rel=1e-12)
 
 
-@pytest.mark.parametrize("hands", [(-1, -1), (1, -1), (-1, 1)])
-def test_mirrored_gears_have_the_same_motion(hands):
+@pytest.mark.parametrize("helix_hands", [(-1, -1), (1, -1), (-1, 1)])
+def test_mirrored_gears_have_the_same_motion(helix_hands):
     """Opposite hands of the helices must not change the equations of motion."""
     systems = [
         LoadSharingPair.from_geometry(
-            short_teeth(signs), torque=300.0, stiffness="energy", damping_ratio=0.05
+            short_tooth_stage(signs), torque=300.0, stiffness="energy", damping_ratio=0.05
         ).system(0.7)
-        for signs in ((1, 1), hands)
+        for signs in ((1, 1), helix_hands)
     ]
     for value, mirrored in zip(*systems, strict=True):
         np.testing.assert_array_equal(value, mirrored)
@@ -93,5 +96,6 @@ def test_helices_that_contradict_each_other_are_refused(angles, internal):
 
 
 def test_a_total_contact_ratio_below_1_is_refused():
+    """A face of 4 mm makes the total contact ratio 0.9, so that contact would be interrupted."""
     with pytest.raises(ValueError, match=r"^total_contact_ratio = 0\.9\d* .* > 1"):
-        short_teeth(width=4e-3)
+        short_tooth_stage(width=4e-3)

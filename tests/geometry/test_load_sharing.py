@@ -11,15 +11,15 @@ from scipy.optimize import brentq, nnls
 from gearlib.geometry import GearStage, PathTable, Rack, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.load_sharing import ToothPairs
 from gearlib.models.geometry.mesh_stiffness import energy_stiffness
-from tests.geometry.stages import fzg_c, gears_of_20_teeth, iso_example, ring
+from tests.geometry.stages import fzg_c, gears_of_20_teeth, iso_example, ring_stage
 
-MESHES = pytest.mark.parametrize("mesh", [fzg_c(), gears_of_20_teeth(), ring()])
+EACH_STAGE = pytest.mark.parametrize("mesh", [fzg_c(), gears_of_20_teeth(), ring_stage()])
 PAIR_STIFFNESS = 2e8  #: N/m, of a pair of teeth where it is constant
-CONSTANT = PathTable((0.0,), (PAIR_STIFFNESS,))
+CONSTANT_STIFFNESS = PathTable((0.0,), (PAIR_STIFFNESS,))
 TORQUE = 300.0
 
 
-@MESHES
+@EACH_STAGE
 def test_transmission_error_without_relief_is_load_over_stiffness(mesh):
     """Check load / stiffness for the rectangle of ISO 6336-1 and for the energy method."""
     double_contact_length = mesh.contact_ratio - 1.0
@@ -47,7 +47,7 @@ def test_transmission_error_without_relief_is_load_over_stiffness(mesh):
     np.testing.assert_allclose(energy.load_share.sum("tooth_pair"), 1.0, rtol=1e-12)
 
 
-@MESHES
+@EACH_STAGE
 def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
     """Harris's relief makes the transmission error constant at the design load F_d.
 
@@ -55,11 +55,11 @@ def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
     and below F_d only the fraction F / F_d of double contact is left.
     """
     design = mesh.load(TORQUE)
-    relieved = optimum_relief(mesh, TORQUE, stiffness=CONSTANT)
+    relieved = optimum_relief(mesh, TORQUE, stiffness=CONSTANT_STIFFNESS)
     for gear in (relieved.pinion, relieved.wheel):
         assert gear.tip_relief.amount == pytest.approx(design / PAIR_STIFFNESS, rel=1e-12)
     torques = TORQUE * np.array([0.25, 0.5, 1.0, 2.0, 5.0])
-    error = relieved.transmission_error(torques, phases=512, stiffness=CONSTANT)
+    error = relieved.transmission_error(torques, phases=512, stiffness=CONSTANT_STIFFNESS)
     loads = error.mesh_force.values
     # Extrema lie in single contact and in the middle of double contact, at phases of the grid.
     np.testing.assert_allclose(
@@ -67,15 +67,16 @@ def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
         np.abs(loads - design) / (2.0 * PAIR_STIFFNESS),
         atol=1e-12 * design / PAIR_STIFFNESS,
     )
-    extra = (mesh.contact_ratio - 1.0) * np.minimum(loads / design, 1.0)
+    double_contact_fraction = (mesh.contact_ratio - 1.0) * np.minimum(loads / design, 1.0)
     # Both ends of the contact of a pair are known to one phase of the grid.
-    np.testing.assert_allclose(error.effective_contact_ratio, 1.0 + extra, atol=2.0 / 512)
+    np.testing.assert_allclose(
+        error.effective_contact_ratio, 1.0 + double_contact_fraction, atol=2.0 / 512
+    )
     iso = optimum_relief(mesh, TORQUE, stiffness="iso")
     flat = iso.transmission_error(TORQUE, stiffness="iso")
     assert flat.peak_to_peak_error < 1e-12 * flat.transmission_error.max()
-    # After ISO 6336 two pairs have the stiffness 1.75 c' and a single one c'. It follows that 1/7
-    # of
-    # the compliance of a pair belongs to the shared body and 6/7 to the pair alone.
+    # By ISO 6336 two pairs have the stiffness 1.75 c' and a single one c'. Therefore 1/7 of the
+    # compliance of a pair belongs to the shared body and 6/7 to the pair alone.
     single = mesh.stiffness("iso").max_stiffness / 1.75
     assert iso.pinion.tip_relief.amount == pytest.approx(6.0 / 7.0 * design / single, rel=1e-12)
 
@@ -85,11 +86,11 @@ def test_no_relief_of_a_grid_is_better_than_the_optimum(length, spans):
     """The optimum relief must give the least transmission error of all reliefs of a grid."""
     mesh, amounts = fzg_c(), (0.5e-5, 1e-5, 1.5e-5, 2.5e-5)
     optimum = optimum_relief(mesh, TORQUE, length=length, phases=64)
-    least = optimum.transmission_error(TORQUE, phases=64).peak_to_peak_error.item()
+    smallest_error = optimum.transmission_error(TORQUE, phases=64).peak_to_peak_error.item()
     for span, *pair in itertools.product(spans, amounts, amounts):
         reliefs = [TipRelief(amount=amount, length=span * mesh.longest_relief) for amount in pair]
         error = mesh.with_reliefs(*reliefs).transmission_error(TORQUE, phases=64)
-        assert least <= error.peak_to_peak_error.item() * (1.0 + 1e-9)
+        assert smallest_error <= error.peak_to_peak_error.item() * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize(
@@ -169,7 +170,7 @@ def test_equilibrium_matches_root_finding_by_scipy(count, coupled):
         assert not equilibrium.force[load_index, phase_index, ~in_reach].any()
 
 
-@MESHES
+@EACH_STAGE
 def test_relief_of_a_gear_begins_at_its_own_tip(mesh):
     """Compare with a table: pinion relief is at the end of the path, wheel relief at its start."""
     (start, end), length = mesh.path, mesh.longest_relief
@@ -192,7 +193,7 @@ def test_pitch_errors_of_both_gears_add_up_in_each_pair():
         pinion=dataclasses.replace(mesh.pinion, pitch_errors=pinion),
         wheel=dataclasses.replace(mesh.wheel, pitch_errors=wheel),
     )
-    error = modified.transmission_error(TORQUE, phases=8, stiffness=CONSTANT)
+    error = modified.transmission_error(TORQUE, phases=8, stiffness=CONSTANT_STIFFNESS)
     errors, deflection = np.tile(pinion, 3) + np.tile(wheel, 2), mesh.load(TORQUE) / PAIR_STIFFNESS
     single, double = error.transmission_error[0].values.reshape(48, 8)[:, [4, 0]].T
     np.testing.assert_allclose(single, deflection + errors, rtol=1e-12)
@@ -205,12 +206,12 @@ def test_pitch_errors_of_both_gears_add_up_in_each_pair():
 @pytest.mark.parametrize("load_ratio", [0.0, 0.2, 1.0])
 def test_helical_gears_match_a_stack_of_spur_slices(load_ratio):
     """The forces c (x - g) of 4000 separate slices of relieved teeth must add up to the load."""
-    bare, torque = iso_example(), 9000.0 * load_ratio
-    (start, end), length = bare.path, bare.longest_relief
+    unrelieved, torque = iso_example(), 9000.0 * load_ratio
+    (start, end), length = unrelieved.path, unrelieved.longest_relief
     wheel, pinion = (TipRelief(amount=amount, length=length) for amount in (6e-5, 3e-5))
     table = PathTable((start, start + length, end - length, end), (6e-5, 0.0, 0.0, 3e-5))
-    mesh = bare.with_reliefs(pinion, wheel)
-    error = mesh.transmission_error(torque, phases=256, stiffness=CONSTANT)
+    mesh = unrelieved.with_reliefs(pinion, wheel)
+    error = mesh.transmission_error(torque, phases=256, stiffness=CONSTANT_STIFFNESS)
     delays = mesh.overlap_ratio * ((np.arange(4000) + 0.5) / 4000 - 0.5)
     reference_phase = (mesh.contact_ratio % 1.0) / 2.0
     for phase in range(0, 256, 16):
@@ -239,14 +240,16 @@ def test_a_tiny_helix_angle_gives_the_spur_gear_results():
         np.testing.assert_allclose(helical[name], spur[name], atol=1e-13)
 
 
-def test_optimum_relief_of_helical_gears_is_better_than_others():
+def test_optimum_relief_of_helical_gears_is_better_than_a_grid_of_reliefs():
     """The optimum relief must give a smaller transmission error than every relief of a grid."""
     mesh, torque = iso_example(), 9000.0
-    least = optimum_relief(mesh, torque).transmission_error(torque).peak_to_peak_error.item()
+    smallest_error = (
+        optimum_relief(mesh, torque).transmission_error(torque).peak_to_peak_error.item()
+    )
     for span, amount in itertools.product((0.5, 0.8, 1.0), (0.0, 2e-5, 4e-5, 6e-5, 8e-5)):
         relief = TipRelief(amount=amount, length=span * mesh.longest_relief)
-        other = mesh.with_reliefs(relief, relief).transmission_error(torque)
-        assert least < other.peak_to_peak_error.item()
-    assert least < 0.15 * mesh.transmission_error(torque).peak_to_peak_error.item()
+        error = mesh.with_reliefs(relief, relief).transmission_error(torque)
+        assert smallest_error < error.peak_to_peak_error.item()
+    assert smallest_error < 0.15 * mesh.transmission_error(torque).peak_to_peak_error.item()
     with pytest.raises(ValueError, match=r"^phases = 800 is not allowed: it must be at most 744, "):
         mesh.transmission_error(torque, phases=800)

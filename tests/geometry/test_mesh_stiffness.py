@@ -9,7 +9,13 @@ from scipy.integrate import quad
 from gearlib import GearPair
 from gearlib.geometry import GearStage, SpurGear, iso_stiffness, mesh_stiffness
 from gearlib.models.geometry.mesh_stiffness import PairCompliance, Tooth, energy_stiffness
-from tests.geometry.stages import fzg_c, gears_of_20_teeth, iso_example, ring, short_teeth
+from tests.geometry.stages import (
+    fzg_c,
+    gears_of_20_teeth,
+    iso_example,
+    ring_stage,
+    short_tooth_stage,
+)
 
 
 def compliance_by_quadrature(tooth, phi):
@@ -29,32 +35,34 @@ def compliance_by_quadrature(tooth, phi):
             + math.sin(b) ** 2 / (material.young * area)
         )
 
-    def half(radius):
+    def flank_point(radius):
         """Return half the thickness and the height on the flank, by the thickness of ISO 21771."""
         angle = gear.thickness_at(2.0 * radius) / (2.0 * radius)
         return radius * math.sin(angle), radius * math.cos(angle)
 
-    def on_flank(radius):
+    def flank_integrand(radius):
         """Return the integrand over the radius of the involute."""
         step = 1e-6 * radius
-        x, y = half(radius)
-        slope = (half(radius + step)[1] - half(radius - step)[1]) / 2.0 / step
+        x, y = flank_point(radius)
+        slope = (flank_point(radius + step)[1] - flank_point(radius - step)[1]) / 2.0 / step
         return integrand(x, y) * slope
 
-    def on_fillet(gamma):
+    def fillet_integrand(gamma):
         """Return the integrand over the parameter of the fillet."""
         step = 1e-6
         slope = (tooth.fillet(gamma + step)[1] - tooth.fillet(gamma - step)[1]) / 2.0 / step
         return integrand(*tooth.fillet(gamma)[:2]) * abs(slope)
 
     low, high = sorted(tooth.base_radius * np.hypot(1.0, [tooth.form_phi, phi]))
-    total = quad(on_flank, low, high, epsrel=1e-10)[0]
+    total = quad(flank_integrand, low, high, epsrel=1e-10)[0]
     if not gear.internal:
-        total += quad(on_fillet, gear.transverse_pressure_angle, math.pi / 2.0, epsrel=1e-10)[0]
+        total += quad(
+            fillet_integrand, gear.transverse_pressure_angle, math.pi / 2.0, epsrel=1e-10
+        )[0]
     return total
 
 
-@pytest.mark.parametrize("mesh", [iso_example(), fzg_c(), gears_of_20_teeth(), ring()])
+@pytest.mark.parametrize("mesh", [iso_example(), fzg_c(), gears_of_20_teeth(), ring_stage()])
 def test_tooth_compliance_matches_quadrature_of_the_strain_energy(mesh):
     """Compare tooth compliance with numerical integration of the strain energy."""
     for position in np.interp([0.05, 0.5, 1.0], [0.0, 1.0], mesh.path):
@@ -127,7 +135,7 @@ def test_helical_stiffness_is_the_average_over_the_face(method, slices, accuracy
 
 def test_below_a_contact_ratio_of_1_a_slice_has_one_pair_or_none():
     """With a contact ratio below 1 the mean stiffness must be that of one pair while it touches."""
-    mesh = short_teeth()
+    mesh = short_tooth_stage()
     pitches = mesh.contact_ratio * (np.arange(1000) + 0.5) / 1000
     mean = mesh.contact_ratio * energy_stiffness(mesh, pitches, 1).mean()
     # The 64 samples are joined by straight lines.
@@ -195,22 +203,22 @@ def test_coupling_of_tooth_pairs_decreases_with_their_distance():
 
     `shared_compliances(3)` returns the values (m/N) of pairs one and two base pitches apart.
     """
-    pair = PairCompliance(short_teeth())
+    pair = PairCompliance(short_tooth_stage())
     near, far = pair.shared_compliances(3)
     assert 0.0 < far < near
     # The coupling cannot exceed the compliance of the bodies themselves.
-    ends = pair.body_compliances(np.array(short_teeth().path))
+    ends = pair.body_compliances(np.array(short_tooth_stage().path))
     assert near <= ends.min(axis=1).sum() * (1.0 + 1e-12)
 
 
 def test_torsional_compliances_of_both_gears_add_up():
-    """Twist of the gear bodies must lower the stiffness, but only of a gear with a bore."""
+    """Twist must lower the stiffness only for a gear with a bore, about which it can twist."""
     gears = [SpurGear(teeth=z, module=3e-3, width=0.02, bore=b) for z, b in ((30, 0.03), (40, 0.0))]
-    pinion, without_twist, wheel, with_both = (
+    pinion_twist, no_twist, wheel_twist, both_twist = (
         mesh_stiffness(GearStage(*gears), "energy", twist=twist).mean_stiffness
         for twist in ((True, False), (False, False), (False, True), True)
     )
     # The wheel has no bore about which it could twist.
-    assert pinion == with_both < without_twist == wheel
+    assert pinion_twist == both_twist < no_twist == wheel_twist
     with pytest.raises(ValueError, match="^twist = .* must be one of False, True, or two of them"):
         mesh_stiffness(GearStage(*gears), "energy", twist=(True,))

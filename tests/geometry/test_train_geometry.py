@@ -10,13 +10,13 @@ from gearlib import Body, GearPair, GearTrain
 from gearlib.geometry import GearStage, SpurGear, TipRelief, iso_stiffness, planetary_set
 from gearlib.models.geometry.gear import inv
 
-COMMON = {"module": 3e-3, "width": 0.025}
+GEAR_VALUES = {"module": 3e-3, "width": 0.025}
 
 
 def test_a_planetary_set_takes_its_parameters_from_its_gears():
     """Masses, radii, stiffness, damping and torques must follow from the geometry of the gears."""
-    sun, planet = (SpurGear(teeth=z, **COMMON) for z in (27, 36))
-    ring = SpurGear(teeth=99, internal=True, outer_diameter=0.34, **COMMON)
+    sun, planet = (SpurGear(teeth=z, **GEAR_VALUES) for z in (27, 36))
+    ring = SpurGear(teeth=99, internal=True, outer_diameter=0.34, **GEAR_VALUES)
     damping = {"damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
     options = {"torque": 300.0, "carrier_mass": 4.0, "model": "rectangle"}
     train = planetary_set(sun, planet, ring, **options, **damping)
@@ -46,7 +46,7 @@ def test_a_planetary_set_takes_its_parameters_from_its_gears():
     assert train.by_name["carrier"].torque == pytest.approx(-300.0 * (1 + 99 / 27), rel=1e-12)
 
 
-def pair_train(gears, torque=85.0, centre_distance=None, driving=None, **options):
+def two_gear_train(gears, torque=85.0, centre_distance=None, driving=None, **options):
     """Return the train of two gears given by their geometry, with a damping ratio of 0.05.
 
     `torque` acts on the first gear; `options` are passed to `Mesh.from_geometry`.
@@ -69,49 +69,50 @@ def spur(*teeth, **changes):
     return [SpurGear(teeth=z, **{"module": 2.5e-3, "width": 0.018} | changes) for z in teeth]
 
 
-def set_of_geometry(teeth=(27, 36, 99), **options):
+def planetary_train(teeth=(27, 36, 99), **options):
     """Return a planetary set with six meshes; by default its planets are in phase."""
-    sun, planet = (SpurGear(teeth=z, **COMMON) for z in teeth[:2])
-    ring = SpurGear(teeth=teeth[2], internal=True, outer_diameter=0.34, **COMMON)
+    sun, planet = (SpurGear(teeth=z, **GEAR_VALUES) for z in teeth[:2])
+    ring = SpurGear(teeth=teeth[2], internal=True, outer_diameter=0.34, **GEAR_VALUES)
     return planetary_set(sun, planet, ring, **{"torque": 300.0, "damping_ratio": 0.05} | options)
 
 
-RING = SpurGear(teeth=99, module=2.5e-3, width=0.018, internal=True, outer_diameter=0.3)
-AT_LOW_SPEED = {
-    "pair": lambda: pair_train(spur(23, 61)),
-    "iso": lambda: pair_train(spur(23, 61), stiffness="iso"),
-    "helical": lambda: pair_train(spur(23, 61, helix_angle=0.3)),
-    "relief": lambda: pair_train(spur(23, 61, tip_relief=TipRelief(amount=20e-6, length=2e-3))),
-    "internal": lambda: pair_train([*spur(36), RING]),
-    "reversed": lambda: pair_train(spur(23, 61), -85.0),
-    "planetary": set_of_geometry,
-    "reversed planetary": lambda: set_of_geometry(torque=-300.0),
+RING_GEAR = SpurGear(teeth=99, module=2.5e-3, width=0.018, internal=True, outer_diameter=0.3)
+LOW_SPEED_TRAINS = {
+    "pair": lambda: two_gear_train(spur(23, 61)),
+    "iso": lambda: two_gear_train(spur(23, 61), stiffness="iso"),
+    "helical": lambda: two_gear_train(spur(23, 61, helix_angle=0.3)),
+    "relief": lambda: two_gear_train(spur(23, 61, tip_relief=TipRelief(amount=20e-6, length=2e-3))),
+    "internal": lambda: two_gear_train([*spur(36), RING_GEAR]),
+    "reversed": lambda: two_gear_train(spur(23, 61), -85.0),
+    "planetary": planetary_train,
+    "reversed planetary": lambda: planetary_train(torque=-300.0),
 }
 
 
-@pytest.mark.parametrize("name", AT_LOW_SPEED)
+@pytest.mark.parametrize("name", LOW_SPEED_TRAINS)
 def test_the_mesh_force_at_low_speed_is_the_static_force(name):
-    factors = gearlib.duty_point(AT_LOW_SPEED[name](), 10.0).dynamic_factor
+    """At 10 rpm inertia is negligible, so that all dynamic factors must be 1 within 0.2 %."""
+    factors = gearlib.duty_point(LOW_SPEED_TRAINS[name](), 10.0).dynamic_factor
     np.testing.assert_allclose(factors, 1.0, atol=0.002)
 
 
 def test_the_mesh_force_of_rectangular_stiffness_jumps_at_any_speed():
     """At low speed the force must jump by 1 / stiffness ratio when a pair leaves contact."""
-    train = pair_train(spur(23, 61), model="rectangle")
+    train = two_gear_train(spur(23, 61), model="rectangle")
     assert train.meshes[0].transmission_error == gearlib.Harmonics()
     factor = gearlib.duty_point(train, 10.0).peak_force_ratio
     assert factor == pytest.approx(1.0 / train.meshes[0].stiffness_ratio, rel=0.05)
 
 
 def test_the_transmission_error_matches_a_separate_sum_over_tooth_pairs():
-    """Distribute the load over tooth pairs as independent springs with gaps of relief and corners.
+    """Distribute the load over tooth pairs as separate springs with gaps of relief and corners.
 
     With the stiffness of ISO 6336 for n pairs, each pair adds the same spring.
     """
     relief, load = TipRelief(amount=12e-6, length=1.5e-3), 3000.0
     pinion, wheel = spur(23, tip_relief=relief)[0], spur(61)[0]
     mesh = GearStage(pinion, wheel)
-    train = pair_train((pinion, wheel), load * pinion.base_diameter / 2.0, stiffness="iso")
+    train = two_gear_train((pinion, wheel), load * pinion.base_diameter / 2.0, stiffness="iso")
     # A pair without the compliance of the body, 1/7 of the whole, is stiffer by 7/6.
     stiffness = iso_stiffness(mesh).single * 1e9 * mesh.width * 7.0 / 6.0
     start, end = mesh.path
@@ -152,16 +153,16 @@ def test_gears_at_rest_follow_the_transmission_error_of_pairs_of_teeth(torque):
     pair = gearlib.LoadSharingPair.from_geometry(mesh, torque=85.0, damping_ratio=0.05).at_load()
     # Without relief there is no error without a load.
     table = pair.load / np.array(pair.profile.stiffness)
-    train, name = pair_train(gears, torque), "pinion-wheel"
+    train, name = two_gear_train(gears, torque), "pinion-wheel"
     # On the coast side the wheel drives, and the tooth pairs move in the opposite direction.
-    sign, lag = (1.0, train.phases) if torque > 0.0 else (-1.0, train.coast_phases)
+    sign, phase_lag = (1.0, train.phases) if torque > 0.0 else (-1.0, train.coast_phases)
     phases = np.linspace(0.0, math.tau, 24, endpoint=False)
     approach = [
         sign * float(train.static(phase).body_displacement.sel(axis="rotation").sum())
         for phase in phases
     ]
     expected = np.interp(
-        sign * (phases - math.tau * lag[name]), pair.profile.phase, table, period=math.tau
+        sign * (phases - math.tau * phase_lag[name]), pair.profile.phase, table, period=math.tau
     )
     np.testing.assert_allclose(
         approach - np.mean(approach), expected - expected.mean(), atol=0.03 * np.ptp(expected)
@@ -172,23 +173,27 @@ def test_teeth_driven_by_the_wheel_match_exchanged_gears():
     """Driving by the wheel, a reversed torque and exchanged gears must give equal factors."""
     gears = spur(23, 61)
     trains = [
-        pair_train(gears, driving="wheel"),
-        pair_train(gears, -85.0),
-        pair_train(gears[::-1], 85.0 * 61 / 23),
+        two_gear_train(gears, driving="wheel"),
+        two_gear_train(gears, -85.0),
+        two_gear_train(gears[::-1], 85.0 * 61 / 23),
     ]
     factors = [
         gearlib.duty_point(train, 2000.0 * s).dynamic_factor.item()
         for train, s in zip(trains, (1.0, 1.0, 23 / 61), strict=True)
     ]
     assert factors == pytest.approx([factors[0]] * 3, rel=1e-6)
-    driven = gearlib.duty_point(pair_train(gears), 2000.0).dynamic_factor.item()
+    driven = gearlib.duty_point(two_gear_train(gears), 2000.0).dynamic_factor.item()
     assert abs(driven / factors[0] - 1.0) > 0.01
     # At this small torque the stiffness of ISO 6336 depends on the load, but not on its sign.
-    light = [pair_train(gears, torque).meshes for torque in (20.0, -20.0)]
+    light = [two_gear_train(gears, torque).meshes for torque in (20.0, -20.0)]
     assert light[0] == light[1]
     # For equal gears it does not matter which one drives.
-    same = [gearlib.duty_point(pair_train(spur(30, 30), t), 2000.0) for t in (85.0, -85.0)]
-    assert same[0].dynamic_factor.item() == pytest.approx(same[1].dynamic_factor.item(), rel=1e-9)
+    equal_gear_results = [
+        gearlib.duty_point(two_gear_train(spur(30, 30), t), 2000.0) for t in (85.0, -85.0)
+    ]
+    assert equal_gear_results[0].dynamic_factor.item() == pytest.approx(
+        equal_gear_results[1].dynamic_factor.item(), rel=1e-9
+    )
 
 
 def test_a_mirror_image_of_two_meshes_has_the_same_dynamic_factors():
@@ -222,18 +227,19 @@ def test_a_mirror_image_of_two_meshes_has_the_same_dynamic_factors():
 
 def test_phasing_follows_the_transmission_error():
     """Modal forces must follow the error, and excited mode types Parker's rule (2000)."""
-    error = pair_train(spur(23, 61)).meshes[0].transmission_error
+    error = two_gear_train(spur(23, 61)).meshes[0].transmission_error
     amplitudes = np.hypot(error.cosines, error.sines)[:12]
-    forces = pair_train(spur(23, 61)).phasing(12).modal_force.values[:, 0]
+    forces = two_gear_train(spur(23, 61)).phasing(12).modal_force.values[:, 0]
     np.testing.assert_allclose(forces / forces[0], amplitudes / amplitudes[0], rtol=1e-9)
     # Planets in phase excite rotational modes only; (order z_s) mod 3 decides on others.
     supports = {"support_stiffness": (1e8, 1e8, 1e8, 1e8), "torsional_stiffness": (0.0, 1e9, 0.0)}
     for sun_teeth, kind in ((27, "rotational"), (28, "translational")):
         teeth = (sun_teeth, 63 - sun_teeth, 126 - sun_teeth)
-        phasing = set_of_geometry(teeth, **supports).phasing(1).sel(stiffness_order=1.0)
+        phasing = planetary_train(teeth, **supports).phasing(1).sel(stiffness_order=1.0)
         assert {*phasing.mode_kind.values[phasing.excites.values]} == {kind}
 
 
 def test_tooth_pairs_without_a_torque_are_refused():
+    """Without a torque the deflection of the tooth pairs is unknown and the mesh is refused."""
     with pytest.raises(ValueError, match=r"^torque is missing: it must be given in N m for the"):
         gearlib.Mesh.from_geometry(GearStage(*spur(23, 61)), "pinion", "wheel")

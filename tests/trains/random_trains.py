@@ -16,8 +16,11 @@ def random_problem(rng):
     """
     train_makers = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}
     train = train_makers[rng.choice([*train_makers])](rng)
-    squares, shapes = train.linear_modes
-    lowest_frequency, highest_frequency = math.sqrt(squares[0]), math.sqrt(squares[-1])
+    squared_frequencies, mode_shapes = train.linear_modes
+    lowest_frequency, highest_frequency = (
+        math.sqrt(squared_frequencies[0]),
+        math.sqrt(squared_frequencies[-1]),
+    )
     speed = math.exp(
         rng.uniform(
             math.log(max(lowest_frequency, highest_frequency / 12.0)),
@@ -27,10 +30,11 @@ def random_problem(rng):
     state = train.start_state("static")
     if rng.random() < 0.7:
         spread = rng.choice([1.0, 3.0, 8.0])
-        # Each mode changes the distances of flanks by about `spread` static deflections.
-        unit = shapes / np.maximum(np.abs(train.structure.mesh_jacobian @ shapes).max(axis=0), 1e-3)
-        state[: train.size // 2] += unit @ rng.normal(
-            0.0, spread / math.sqrt(train.size // 2), squares.size
+        # Each mode changes the flank distances by about `spread` static deflections.
+        mesh_deflections = np.abs(train.structure.mesh_jacobian @ mode_shapes).max(axis=0)
+        scaled_shapes = mode_shapes / np.maximum(mesh_deflections, 1e-3)
+        state[: train.size // 2] += scaled_shapes @ rng.normal(
+            0.0, spread / math.sqrt(train.size // 2), squared_frequencies.size
         )
     return train, float(speed / train.reference_angular_frequency), state
 
@@ -46,11 +50,14 @@ def jamming_problem(rng):
     for mesh in train.meshes:
         backlash = float(rng.choice([0.0, 1e-7, 1e-6, 5e-6]))
         amplitude = max(backlash, 2e-7) * rng.choice([0.1, 0.3, 0.6, 1.0, 3.0])
-        drive, other = (
+        drive_deviation, other_deviation = (
             Harmonics(tuple(amplitude * rng.uniform(-1.0, 1.0, 2)), (amplitude * rng.normal(),))
             for _ in range(2)
         )
-        flanks = {"deviation": drive, "coast_deviation": (drive, other)[rng.integers(2)]}
+        flanks = {
+            "deviation": drive_deviation,
+            "coast_deviation": (drive_deviation, other_deviation)[rng.integers(2)],
+        }
         meshes.append(replace(mesh, backlash=backlash, **flanks))
     bodies = [
         replace(body, eccentricity=float(rng.choice([0.0, 1e-6])), eccentricity_phase=1.0)
@@ -63,10 +70,10 @@ def jamming_problem(rng):
 
 
 def symmetric_problem(rng):
-    """Return (train, tuning, state) of a planetary train whose planets all move alike.
+    """Return (train, tuning, state) of a planetary train whose planets move in phase.
 
-    In a third of the problems one planet starts 1e-12 static deflections off the others, so that
-    their events are about that far apart.
+    In a third of the problems one planet starts 1e-12 static deflections away from the others, so
+    that their events are separated by about the same amount.
     """
     planets, stiffness_ratio = int(rng.choice([2, 3])), rng.uniform(0.6, 0.9)
     train = gearlib.planetary(
@@ -87,7 +94,7 @@ def symmetric_problem(rng):
     return train, tuning, state
 
 
-def _pair(rng):
+def _random_pair(rng):
     """Return a random pair with the stiffness and load of a train."""
     return gearlib.GearPair(
         max_stiffness=rng.uniform(3e8, 6e8),
@@ -99,8 +106,8 @@ def _pair(rng):
     )
 
 
-def _flanks(rng):
-    """Return random fields of a `Mesh` other than its stiffness and gears."""
+def _random_flanks(rng):
+    """Return random values of backlash, damping, friction and deviations of a `Mesh`."""
     damping = rng.choice([0.0, 500.0, 3000.0], size=2)
     values = dict(
         friction=(0.0, 0.0) if rng.random() < 0.7 else tuple(rng.uniform(0.0, 0.08, 2)),
@@ -122,8 +129,8 @@ def _flanks(rng):
 
 def _with_random_flanks(rng, train):
     """Return a train with random flanks, either the same or different ones for each mesh."""
-    common = _flanks(rng) if rng.random() < 0.4 else None
-    meshes = [replace(mesh, **(common or _flanks(rng))) for mesh in train.meshes]
+    common = _random_flanks(rng) if rng.random() < 0.4 else None
+    meshes = [replace(mesh, **(common or _random_flanks(rng))) for mesh in train.meshes]
     bodies = list(train.bodies)
     if rng.random() < 0.3:
         i = next(i for i, body in enumerate(bodies) if body.teeth)
@@ -133,50 +140,53 @@ def _with_random_flanks(rng, train):
 
 def chain_train(rng):
     """Return a random chain of gears with 2 to 6 meshes, some on shafts with two gears."""
-    count, pair, elastic = int(rng.integers(2, 7)), _pair(rng), rng.random() < 0.6
+    count, pair, elastic = int(rng.integers(2, 7)), _random_pair(rng), rng.random() < 0.6
     stiffness = ("max_stiffness", "stiffness_ratio", "contact_ratio")
     stiffness = {name: getattr(pair, name) for name in stiffness}
     bodies, meshes, shafts, force = [], [], [], pair.load
 
     def add_gear(*teeth):
         """Append and return a gear; two gears of 24 teeth have the reduced mass of the pair."""
-        z, support = int(rng.choice(teeth)), {}
-        r, reduced = 0.002 * z, 2.0 * pair.reduced_mass * (z / 24.0) ** 2
+        tooth_count, support = int(rng.choice(teeth)), {}
+        radius = 0.002 * tooth_count
+        effective_mass = 2.0 * pair.reduced_mass * (tooth_count / 24.0) ** 2
         if elastic and rng.random() < 0.7:
             k = tuple(rng.uniform(1e8, 1e9, 2))
-            support = {"mass": 2.0 * reduced, "support_stiffness": k}
+            support = {"mass": 2.0 * effective_mass, "support_stiffness": k}
             support["support_damping"] = tuple(1e-6 * value for value in k)
-        name, inertia = f"gear {len(bodies) + 1}", reduced * r**2
-        bodies.append(Body(name=name, teeth=z, base_radius=r, inertia=inertia, **support))
+        name, inertia = f"gear {len(bodies) + 1}", effective_mass * radius**2
+        bodies.append(
+            Body(name=name, teeth=tooth_count, base_radius=radius, inertia=inertia, **support)
+        )
         return bodies[-1]
 
-    first = add_gear(18, 24)
-    bodies[0] = replace(first, torque=force * first.base_radius)
+    driving_gear = add_gear(18, 24)
+    bodies[0] = replace(driving_gear, torque=force * driving_gear.base_radius)
     for i in range(count):
-        second = add_gear(18, 24, 36)
+        driven_gear = add_gear(18, 24, 36)
         # The direction changes from each mesh to the next.
-        line = {"position": rng.uniform(0.0, math.tau), "direction": (-1) ** i}
-        meshes.append(Mesh(pinion=first.name, wheel=second.name, **line, **stiffness))
-        first = second
+        line_of_centres = {"position": rng.uniform(0.0, math.tau), "direction": (-1) ** i}
+        meshes.append(
+            Mesh(pinion=driving_gear.name, wheel=driven_gear.name, **line_of_centres, **stiffness)
+        )
+        driving_gear = driven_gear
         if rng.random() < 0.4 and len(meshes) < count:
-            first = add_gear(18, 24)
+            driving_gear = add_gear(18, 24)
             shaft = {"stiffness": rng.uniform(3e5, 2e6), "damping": 1.0}
             shaft["bending_stiffness"] = rng.choice([0.0, 1e8])
-            shafts.append(Shaft(bodies=(second.name, first.name), **shaft))
-            force *= second.base_radius / first.base_radius
+            shafts.append(Shaft(bodies=(driven_gear.name, driving_gear.name), **shaft))
+            force *= driven_gear.base_radius / driving_gear.base_radius
     # The load acts against the rotation of the last gear.
-    bodies[-1] = replace(first, torque=-((-1) ** count) * force * first.base_radius)
+    bodies[-1] = replace(driving_gear, torque=-((-1) ** count) * force * driving_gear.base_radius)
     train = gearlib.GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
     return _with_random_flanks(rng, train)
 
 
-def _pin_errors(rng, count, share_without):
-    """Return errors of `count` pins, of which only the first has one, or None.
-
-    `share_without` is the probability of None.
-    """
-    has_none = rng.random() < share_without
-    return None if has_none else [(0.0, 5e-6)] + [(0.0, 0.0)] * (count - 1)
+def _random_pin_errors(rng, count, probability_of_none):
+    """Return position errors of `count` pins, 5 um on the first one, or None at random."""
+    if rng.random() < probability_of_none:
+        return None
+    return [(0.0, 5e-6)] + [(0.0, 0.0)] * (count - 1)
 
 
 def planetary_train(rng):
@@ -192,7 +202,7 @@ def planetary_train(rng):
         turning=turning,
         gyroscopic=turning,
         sun_base_radius=0.0387 * teeth[0] / 27.0,
-        pin_errors=_pin_errors(rng, planets, 0.7),
+        pin_errors=_random_pin_errors(rng, planets, 0.7),
     )
     return _with_random_flanks(rng, train)
 
@@ -201,11 +211,11 @@ def reducer_train(rng):
     """Return a random split-power reducer with 2 or 3 branches."""
     branches = int(rng.choice([2, 3]))
     train = gearlib.split_power_reducer(
-        _pair(rng),
+        _random_pair(rng),
         branches=branches,
         internal=bool(rng.random() < 0.5),
         support_stiffness=math.inf if rng.random() < 0.3 else 10.0 ** rng.uniform(8.3, 9.3),
-        pin_errors=_pin_errors(rng, branches, 0.5),
+        pin_errors=_random_pin_errors(rng, branches, 0.5),
     )
     return _with_random_flanks(rng, train)
 

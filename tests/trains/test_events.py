@@ -27,17 +27,20 @@ def test_a_train_at_rest_on_its_flanks_begins_in_contact():
 
 
 @pytest.mark.parametrize("load", [3000.0, -3000.0, 0.0])
-@pytest.mark.parametrize("line", [1, -1])
-def test_a_start_at_rest_on_a_flank_line_has_contact_only_if_the_load_closes_it(line, load):
-    """Start at rest on the line of the drive side, 1, or of the coast side, -1, under each load."""
+@pytest.mark.parametrize("flank", [1, -1])
+def test_a_start_at_rest_on_a_flank_line_has_contact_only_if_the_load_closes_it(flank, load):
+    """A gear at rest that touches a flank must have contact only if the load presses on it.
+
+    `flank` is 1 for the drive side and -1 for the coast side.
+    """
     train = pairs_as_train(PAIR)
     torques = [replace(body, torque=load * body.base_radius) for body in train.bodies]
     train = train.replace(bodies=torques)
     half_gap = 0.5 * PAIR.backlash / train.static_deflection
-    state = np.repeat([-half_gap if line == -1 else 0.0, 0.0], 2)
+    state = np.repeat([-half_gap if flank == -1 else 0.0, 0.0], 2)
     # The load closes one side and opens the other. Without load nothing moves, and the coast side
     # counts as open.
-    contact = int(load >= 0.0) if line == 1 else -int(load < 0.0)
+    contact = int(load >= 0.0) if flank == 1 else -int(load < 0.0)
     record = train.propagator(0.9).record(state, 1, 100, 64)
     assert (record.samples[:2, orbit.SAMPLE_CONTACT] == contact).all()
     # A loaded flank stays in contact for a while, and an open one strikes later.
@@ -49,7 +52,7 @@ def test_a_start_at_rest_on_a_flank_line_has_contact_only_if_the_load_closes_it(
     ("make_problem", "seed"),
     [(symmetric_problem, seed) for seed in (12, 54)] + [(random_problem, 17)],
 )
-def test_events_are_recorded_in_their_order(make_problem, seed):
+def test_events_are_recorded_in_chronological_order(make_problem, seed):
     """Phases of events must not decrease, and events of equal phase are sorted by mesh."""
     train, tuning, state = make_problem(np.random.default_rng(seed))
     events = train.propagator(tuning).record(state, 40, 10**5).events
@@ -62,9 +65,9 @@ def test_events_are_recorded_in_their_order(make_problem, seed):
 
 
 def test_a_crossing_where_the_stiffness_switches_is_not_lost():
-    """Bisect the initial displacement whose contact ends exactly at a switch of the stiffness."""
+    """Contact that ends at a stiffness switch, up to rounding, must be detected at this phase."""
     propagator = pairs_as_train(PAIR).propagator(0.85)
-    switch, low, high = propagator.system.starts[1], 1.0, 2.0
+    switch_phase, low, high = propagator.system.starts[1], 1.0, 2.0
 
     def first_event_phase(displacement):
         """Return the phase of the first event from rest at a displacement of the mesh."""
@@ -74,8 +77,10 @@ def test_a_crossing_where_the_stiffness_switches_is_not_lost():
 
     # A larger initial displacement ends contact sooner. If it ends at the switch, the next segment
     # begins with a distance that is pure rounding.
-    while high - low > 1e-15:
+    while high - low > 1e-15:  # a few units of rounding
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if first_event_phase(middle) < switch else (middle, high)
+        low, high = (low, middle) if first_event_phase(middle) < switch_phase else (middle, high)
     for steps in range(-40, 40):
-        assert first_event_phase(low + steps * np.spacing(low)) == pytest.approx(switch, abs=1e-13)
+        assert first_event_phase(low + steps * np.spacing(low)) == pytest.approx(
+            switch_phase, abs=1e-13
+        )

@@ -1,7 +1,7 @@
-"""Trains whose stiffnesses and inertias lie twelve decades apart: modes, statics, free rotations.
+"""Modes and statics of trains whose stiffnesses and inertias span twelve decades.
 
-They are held against the same bodies in 60 digits, by the code of `tests.independent`, with radii
-that are exact multiples of their tooth numbers.
+Reference values are computed in 60 digits by `tests.independent`, with base radii that are exact
+multiples of the tooth numbers.
 """
 
 from dataclasses import replace
@@ -15,7 +15,7 @@ from gearlib import Shaft
 from tests.independent.systems import describe, system_of
 from tests.trains.random_trains import chain_train, planetary_train, reducer_train
 
-KINDS = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}
+TRAIN_MAKERS = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}
 
 
 def graded_train(kind, seed):
@@ -26,7 +26,7 @@ def graded_train(kind, seed):
         """Return a value multiplied by a random power of ten between -6 and 6."""
         return value * 10.0 ** rng.uniform(-6.0, 6.0)
 
-    train = KINDS[kind](rng)
+    train = TRAIN_MAKERS[kind](rng)
     bodies = [
         replace(
             body,
@@ -50,7 +50,7 @@ def graded_train(kind, seed):
 
 
 def precise_system(train):
-    """Return the system of `tests.independent` in the digits of mpmath.
+    """Return the system of `tests.independent` in the present precision of mpmath.
 
     Base radii of gears with pitches that are equal up to rounding become exact multiples of a
     pitch.
@@ -84,16 +84,16 @@ def assert_static_forces(train, system, stiffness):
 
 
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TRAIN_MAKERS)
 def test_modes_and_static_forces_agree_with_60_digits_to_rounding(kind, seed):
     """Compare frequencies, strain energies and shapes of graded trains with 60 digits."""
     train = graded_train(kind, seed)
-    squares, shapes = train.linear_modes
+    squared_frequencies, mode_shapes = train.linear_modes
     with mpmath.workdps(60):
         system = precise_system(train)
         reference_squares, reference_shapes, stiffness = system.modes()
         mesh_rows = np.array([contact["sides"][0]["row"] for contact in system.contacts])
-        stretch = (mesh_rows @ reference_shapes) ** 2 / np.where(
+        squared_strains = (mesh_rows @ reference_shapes) ** 2 / np.where(
             reference_squares == 0, 1, reference_squares
         )
         if seed == 0:
@@ -103,13 +103,15 @@ def test_modes_and_static_forces_agree_with_60_digits_to_rounding(kind, seed):
         reference_squares[1]
     )
     # Each spring and mass is rounded by 1e-16, which changes a squared frequency by at most that.
-    np.testing.assert_allclose(squares, np.array(reference_squares[1:], float), rtol=1e-13)
+    np.testing.assert_allclose(
+        squared_frequencies, np.array(reference_squares[1:], float), rtol=1e-13
+    )
     # Squared strains are fractions of the strain energy of a mode, whose sum is 1.
     np.testing.assert_allclose((train.strains**2).sum(axis=0), 1.0, rtol=1e-13)
-    energy = np.array(stretch.T, float) * [mesh.mean_stiffness for mesh in train.meshes]
+    energy = np.array(squared_strains.T, float) * [mesh.mean_stiffness for mesh in train.meshes]
     np.testing.assert_allclose(train.modes().strain_energy[1:], energy[1:], rtol=0, atol=1e-9)
     mass = train.structure.mass
     scale = 1.0 / np.sqrt(np.diagonal(mass))
-    motions = np.concatenate([train.free_motions, shapes], axis=1) / scale[:, None]
+    motions = np.concatenate([train.free_motions, mode_shapes], axis=1) / scale[:, None]
     product = motions.T @ (scale[:, None] * mass * scale) @ motions
     np.testing.assert_allclose(product, np.eye(len(mass)), atol=1e-12)

@@ -1,7 +1,7 @@
-"""Both flanks of a mesh at once: a run either says so, or keeps them apart at every instant.
+"""Jamming: a run reports contact of both flanks, or both flanks never overlap.
 
-Samples are judged by distances that the program of `tests.independent` writes down for itself, of
-motions that are run without the check for jamming.
+Overlaps are computed by the separate equations of `tests.independent` for motions without the check
+for jamming.
 """
 
 import math
@@ -18,8 +18,8 @@ from tests.paper import PAPER_PAIR
 from tests.properties.known_models import pairs_as_train
 from tests.trains.random_trains import jamming_problem
 
-#: Samples of a mesh period; the largest overlap, in static deflections, that is rounding.
-SAMPLES, ROUNDING = 2000, 1e-9
+#: Samples per mesh period; overlap in static deflections that rounding may cause.
+SAMPLES_PER_PERIOD, OVERLAP_TOLERANCE = 2000, 1e-9
 
 
 def two_gears(drive, coast, backlash=1e-6, load=400.0):
@@ -30,8 +30,8 @@ def two_gears(drive, coast, backlash=1e-6, load=400.0):
     stiffness = {"stiffness_ratio": 0.6, "contact_ratio": 1.5, "reduced_mass": 3.0}
     damping = {"material_damping": 2000.0, "backlash_damping": 500.0}
     train = pairs_as_train(PAPER_PAIR.replace(load=load, backlash=backlash, **stiffness, **damping))
-    waves = {"deviation": Harmonics((drive,)), "coast_deviation": Harmonics((coast,))}
-    return train.replace(meshes=[replace(train.meshes[0], **waves)])
+    deviations = {"deviation": Harmonics((drive,)), "coast_deviation": Harmonics((coast,))}
+    return train.replace(meshes=[replace(train.meshes[0], **deviations)])
 
 
 def run_without_jamming_check(train, tuning, state, periods):
@@ -43,13 +43,13 @@ def run_without_jamming_check(train, tuning, state, periods):
     propagator, system = train.propagator(tuning), system_of(describe(train), tuning)
     no_mesh = np.zeros_like(propagator.constants.may_jam)
     propagator.constants = propagator.constants._replace(may_jam=no_mesh)
-    record = propagator.record(state, periods, 10**5, SAMPLES)
+    record = propagator.record(state, periods, 10**5, SAMPLES_PER_PERIOD)
     # A sample holds six values for each mesh and then the coordinates.
     states = record.samples[:, 6 * len(train.meshes) :] * system.length
     phases = math.tau * periods * np.arange(len(states)) / len(states)
     overlaps = []
     for contact in system.contacts:
-        waves = [
+        deviations = [
             sum(
                 a * np.cos(f * phases) + b * np.sin(f * phases)
                 for f, a, b in side["harmonic_terms"]
@@ -57,8 +57,8 @@ def run_without_jamming_check(train, tuning, state, periods):
             for side in contact["sides"]
         ]
         drive, *coast = (
-            (states @ side["row"] + side["constant"] + wave) / system.length
-            for side, wave in zip(contact["sides"], waves, strict=True)
+            (states @ side["row"] + side["constant"] + deviation) / system.length
+            for side, deviation in zip(contact["sides"], deviations, strict=True)
         )
         overlaps.append(np.minimum(drive, -coast[0] if coast else -math.inf))
     return record.status, np.stack(overlaps, axis=1)
@@ -92,16 +92,16 @@ def test_two_gears_jam_where_their_backlash_closes(start, drive, coast, tuning, 
 
 
 def test_a_run_that_starts_with_both_flanks_in_contact_is_jammed():
-    """The coast deviation of -3 um leaves a backlash of -2 um at the start."""
+    """A backlash of 1 um and a coast deviation of -3 um leave an overlap of 2 um at the start."""
     train = two_gears(0.0, -3e-6)
     state = np.zeros(train.size)
-    for fraction, both_touch in ((0.01, True), (-0.01, False), (0.99, True), (1.01, False)):
+    for fraction, both_flanks_touch in ((0.01, True), (-0.01, False), (0.99, True), (1.01, False)):
         # Both flanks touch while the pinion is displaced by 0 to 2 um along the line of action.
         state[0] = fraction * 2e-6 / train.static_deflection
         _, overlaps = run_without_jamming_check(train, 0.9, state, 1)
-        assert (overlaps[0].max() >= 0.0) == both_touch
+        assert (overlaps[0].max() >= 0.0) == both_flanks_touch
         # The other starts may jam later.
-        if both_touch:
+        if both_flanks_touch:
             assert train.propagator(0.9).record(state, 1, 100).status == status.JAMMED
 
 
@@ -113,7 +113,7 @@ def test_a_random_train_is_jammed_if_and_only_if_both_flanks_of_a_mesh_touch(see
     status_without_check, overlaps = run_without_jamming_check(train, tuning, state, 3)
     if code == status.OK:
         # A run without jamming has no overlap at any instant.
-        assert status_without_check == status.OK and overlaps.max() <= ROUNDING
+        assert status_without_check == status.OK and overlaps.max() <= OVERLAP_TOLERANCE
     else:
         assert code == status.JAMMED
         # Both flanks touch at a sample or between two samples, whose overlaps differ by a step.
@@ -131,5 +131,5 @@ def test_statics_report_a_mesh_that_is_jammed():
     # The load is the difference of 250 N and 150 N on both flanks.
     np.testing.assert_allclose([jammed.mesh_force[0], free.mesh_force[0]], 100.0)
     # Without backlash and deviations one flank touches.
-    without = two_gears(0.0, 0.0, 0.0).static()
-    assert int(without.contact[0]) == 1 and int(without.status) == status.OK
+    result = two_gears(0.0, 0.0, 0.0).static()
+    assert int(result.contact[0]) == 1 and int(result.status) == status.OK

@@ -45,8 +45,8 @@ def pair_of_matrices(**options):
     )
 
 
-def as_matrices(train):
-    """Return a train as given by the matrices of its own structure."""
+def rebuild_from_matrices(train):
+    """Return an equal train that is defined by the matrices of its structure."""
     structure = train.structure
     n = len(structure.mass)
     names = [f"{name} {i}" for i, (name, _) in enumerate(structure.coordinates)]
@@ -93,7 +93,7 @@ def test_a_reduction_keeps_frequencies_damping_and_response():
     assert responses[1] == pytest.approx(responses[0], rel=1e-3)
 
 
-def test_a_reduced_rotor_moves_as_the_full_one():
+def test_a_reduced_rotor_has_the_mesh_forces_of_the_full_one():
     """A train reduced for frequencies up to 4000 Hz must give the same largest mesh forces."""
     full_train = two_rotors()
     results = [
@@ -106,7 +106,7 @@ def test_a_reduced_rotor_moves_as_the_full_one():
 def test_a_planetary_train_given_by_its_own_matrices_has_the_same_motion():
     """A train rebuilt from its own matrices must have the motion of the original."""
     train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
-    train_of_matrices = as_matrices(train)
+    train_of_matrices = rebuild_from_matrices(train)
     options = {"periods": 20, "record_periods": 2, "samples_per_period": 16}
     runs = [
         gearlib.simulate(x, 0.9, **options).displacement.values for x in (train, train_of_matrices)
@@ -115,7 +115,7 @@ def test_a_planetary_train_given_by_its_own_matrices_has_the_same_motion():
 
 
 def test_studies_of_a_train_of_matrices_match_the_same_train_of_bodies():
-    """Orbits, proofs, branches, sensitivities, run-ups and tongues must not depend on the form."""
+    """All studies must give the same results for a train of bodies and its matrices."""
     trains = pair_of_bodies(stiffness_ratio=0.7), pair_of_matrices()
     orbits = [gearlib.periodic_orbit(train, 0.7) for train in trains]
     assert np.abs(orbits[1].multipliers) == pytest.approx(np.abs(orbits[0].multipliers), rel=1e-9)
@@ -155,6 +155,7 @@ def test_an_unsymmetric_structure_rests_in_its_static_state(method):
 
 
 def test_a_harmonic_force_on_a_fixed_axis_is_refused():
+    """A force along the fixed x axis of a body must be refused, because it could not move it."""
     force = HarmonicForce(body="a", amplitude=20.0, order=1, of="a", axis="x")
     with pytest.raises(ValueError, match="axis of a force on body a = 'x' is not allowed"):
         _ = pair_of_bodies(forces=[force])
@@ -172,7 +173,7 @@ def test_a_harmonic_force_acts_on_a_coordinate_of_matrices():
 
 
 def test_a_harmonic_torque_on_a_linear_pair_matches_the_closed_form():
-    """The steady motion must be the static deflection plus the response of one oscillator."""
+    """The steady motion must be the static deflection plus the response k - m w^2 + i c w gives."""
     force = HarmonicForce(body="a", amplitude=20.0, order=2, of="m", phase=0.4)
     train = pair_of_bodies(forces=[force])
     result = gearlib.simulate(train, 0.6, periods=400, record_periods=1, samples_per_period=64)
@@ -259,12 +260,14 @@ def test_state_space_refuses_unknown_names_and_trains_without_bodies():
     ],
 )
 def test_wrong_matrices_are_refused_in_one_sentence(changes, message):
+    """Each wrong argument must raise an error that names it and has a single line."""
     with pytest.raises(ValueError, match=message) as error:
         _ = two_rotors(**changes).static_deflection
     assert "\n" not in str(error.value)
 
 
 def test_writing_a_train_without_its_matrices_is_refused(tmp_path):
+    """A train of matrices must not be written, because a YAML file cannot hold them."""
     with pytest.raises(ValueError, match="train with given matrices cannot be written"):
         gearlib.write_train(pair_of_matrices(), tmp_path / "train.yaml")
 

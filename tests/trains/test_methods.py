@@ -1,4 +1,4 @@
-"""Gear trains by methods for comparison: each against the exact one, in all that is recorded."""
+"""Gear trains solved by other methods, compared with the exact method in all recorded values."""
 
 from dataclasses import replace
 
@@ -11,15 +11,22 @@ from gearlib.data import status
 from tests.paper import PAPER_PAIR
 from tests.physics.test_step_methods import SCIPY_WITH_EVENTS
 
-VARIABLES = ("displacement", "velocity", "dynamic_force", "body_motion", "final_state", "bounces")
-VARIABLES += ("mean_force", "fraction_drive", "contact_loss_fraction", "fraction_coast")
-VARIABLES += ("fraction_min_stiffness",)
-#: The state from which `bouncing` strikes the coast side.
-START = (0.5, 3.0, -2.0, 0.0, 1.0, 0.0)
+COMPARED_VARIABLES = (
+    "displacement",
+    "velocity",
+    "dynamic_force",
+    "body_motion",
+    "final_state",
+    "bounces",
+)
+COMPARED_VARIABLES += ("mean_force", "fraction_drive", "contact_loss_fraction", "fraction_coast")
+COMPARED_VARIABLES += ("fraction_min_stiffness",)
+#: Initial state from which `bouncing_train` strikes the coast side.
+INITIAL_STATE = (0.5, 3.0, -2.0, 0.0, 1.0, 0.0)
 
 
 def bouncing_train():
-    """Return an idler train with friction that bounces between both flanks from START."""
+    """Return an idler train with friction that bounces between both flanks."""
     train = gearlib.idler(PAPER_PAIR.replace(backlash=12e-6, material_damping=3000.0))
     return train.replace(meshes=[replace(m, friction=(0.05, 0.03)) for m in train.meshes])
 
@@ -35,10 +42,15 @@ def bouncing_train():
 )
 def test_solvers_that_step_over_switches_agree_within_a_tolerance(method, options, tolerance):
     """Compare samples and events of general solvers with the exact motion."""
-    settings = {"periods": 2, "record_periods": 2, "samples_per_period": 50, "initial_state": START}
+    settings = {
+        "periods": 2,
+        "record_periods": 2,
+        "samples_per_period": 50,
+        "initial_state": INITIAL_STATE,
+    }
     exact_run = gearlib.simulate(bouncing_train(), 0.9, **settings)
     result = gearlib.simulate(bouncing_train(), 0.9, method=method, options=options, **settings)
-    for name in VARIABLES:
+    for name in COMPARED_VARIABLES:
         np.testing.assert_allclose(result[name], exact_run[name], 0.0, tolerance, err_msg=name)
     assert result.event.size == exact_run.event.size
     errors = np.abs(result.event_phase.values - exact_run.event_phase.values)
@@ -64,11 +76,11 @@ def test_runs_that_diverge_or_exceed_max_events_have_a_status_and_no_final_state
 @pytest.mark.parametrize(("state", "code"), [("static", status.STALLED), (1e160, status.OVERFLOW)])
 def test_a_failing_solver_ends_the_run_with_a_status(state, code, monkeypatch):
     """Make solve_ivp report a failure: the run is stalled, or has overflowed if states are huge."""
-    solve = scipy.integrate.solve_ivp
+    solve_ivp = scipy.integrate.solve_ivp
 
     def failing_solve(*arguments, **options):
         """Solve the problem, but report a failure."""
-        result = solve(*arguments, **options)
+        result = solve_ivp(*arguments, **options)
         result.status = -1
         return result
 

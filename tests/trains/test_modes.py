@@ -8,24 +8,25 @@ import pytest
 from gearlib import planetary
 from gearlib.models.trains.elastic import free_motions_and_modes
 
-ROTATIONAL = (0.0, 1475.7, 1930.3, 2658.3, 7462.8, 11775.3)
-TRANSLATIONAL = (743.2, 1102.4, 1896.0, 2276.4, 6986.3, 9647.9)
+#: Natural frequencies, Hz, printed by Lin and Parker (1999).
+ROTATIONAL_FREQUENCIES = (0.0, 1475.7, 1930.3, 2658.3, 7462.8, 11775.3)
+TRANSLATIONAL_FREQUENCIES = (743.2, 1102.4, 1896.0, 2276.4, 6986.3, 9647.9)
 
 
-def frequencies_of_kinds(modes, *kinds):
+def frequencies_of_mode_kinds(modes, *kinds):
     """Return the natural frequencies, Hz, of the modes of given kinds."""
     return modes.natural_frequency.values[np.isin(modes.mode_kind.values, kinds)]
 
 
 def test_frequencies_match_lin_and_parker():
     """Natural frequencies must match those published by Lin and Parker for a planetary gear."""
-    modes, doubled_frequencies = planetary().modes(), np.repeat(TRANSLATIONAL, 2)
+    modes, doubled_frequencies = planetary().modes(), np.repeat(TRANSLATIONAL_FREQUENCIES, 2)
     # The article prints four to six digits.
     np.testing.assert_allclose(
-        frequencies_of_kinds(modes, "rigid", "rotational"), ROTATIONAL, rtol=5e-4
+        frequencies_of_mode_kinds(modes, "rigid", "rotational"), ROTATIONAL_FREQUENCIES, rtol=5e-4
     )
     np.testing.assert_allclose(
-        frequencies_of_kinds(modes, "translational"), doubled_frequencies, rtol=5e-4
+        frequencies_of_mode_kinds(modes, "translational"), doubled_frequencies, rtol=5e-4
     )
 
 
@@ -48,17 +49,20 @@ def test_frequencies_of_a_torsional_train_match_kahraman():
     )
     # The carrier coordinate is along the line of action, and rigid pins add the planets' mass.
     m_c = (m_c + planets * planet_mass) / math.cos(a) ** 2
-    l1 = m_p * m_c * m_s
-    l2 = -(planets * k2 * m_p * m_c + (k1 + k2) * m_c * m_s + planets * (k1 + k2) * m_p * m_s)
-    l3 = planets * k1 * k2 * (planets * m_p + m_c + 4.0 * m_s)
-    squares = [0.0, *[(k1 + k2) / m_p] * (planets - 1), *np.roots([l1, l2, l3])]
+    a2 = m_p * m_c * m_s
+    a1 = -(planets * k2 * m_p * m_c + (k1 + k2) * m_c * m_s + planets * (k1 + k2) * m_p * m_s)
+    a0 = planets * k1 * k2 * (planets * m_p + m_c + 4.0 * m_s)
+    squared_frequencies = [0.0, *[(k1 + k2) / m_p] * (planets - 1), *np.roots([a2, a1, a0])]
     modes = train.modes()
     # Eigenvalues of a few coordinates are accurate to some hundred units of rounding.
-    squares_of_modes = (2.0 * math.pi * modes.natural_frequency.values) ** 2
+    squared_mode_frequencies = (2.0 * math.pi * modes.natural_frequency.values) ** 2
     np.testing.assert_allclose(
-        squares_of_modes, np.sort(squares), rtol=1e-12, atol=1e-12 * max(squares)
+        squared_mode_frequencies,
+        np.sort(squared_frequencies),
+        rtol=1e-12,
+        atol=1e-12 * max(squared_frequencies),
     )
-    assert frequencies_of_kinds(modes, "satellite").size == planets - 1
+    assert frequencies_of_mode_kinds(modes, "satellite").size == planets - 1
 
 
 @pytest.mark.parametrize(("teeth", "planets"), [((27, 99), 3), ((28, 98), 3), ((29, 97), 6)])
@@ -74,8 +78,10 @@ def test_phasing_follows_parkers_rule(teeth, planets):
     k = result.stiffness_order.values[:, None] * teeth[0] % planets
     is_translational = (k == 1) | (k == planets - 1)
     kinds = np.select([k == 0, is_translational], ["rotational", "translational"], "satellite")
-    is_other, excites = result.mode_kind.values != kinds, result.excites.values
-    assert not excites[is_other].any() and np.all(result.phase_sum.values[is_other] < 1e-11)
+    is_other_kind, excites = result.mode_kind.values != kinds, result.excites.values
+    assert not excites[is_other_kind].any() and np.all(
+        result.phase_sum.values[is_other_kind] < 1e-11
+    )
     # Each harmonic must excite a mode of its kind, except for satellite modes.
     assert (excites.any(axis=1) | (kinds[:, 0] == "satellite")).all()
 

@@ -15,8 +15,8 @@ CONFIG = load(PROJECT)
 PAIR = build_model(CONFIG.pair_description(CONFIG.reducer.damping))
 REDUCER = CONFIG.reducer.model_dump() | {"starts": 4, "first_starts": 2}
 TRAIN = trains.build_reducer(PAIR, REDUCER)
-MANY = {"periods": 120, "record_periods": 12, "starts": 5, "first_starts": 2, "seed": 3}
-MANY |= {"spread": 0.02}
+START_OPTIONS = {"periods": 120, "record_periods": 12, "starts": 5, "first_starts": 2, "seed": 3}
+START_OPTIONS |= {"spread": 0.02}
 
 
 @pytest.mark.parametrize(
@@ -86,21 +86,23 @@ def test_the_table_of_the_reducer_holds_a_row_for_each_mesh(tmp_path):
 
 def test_settled_motions_match_the_periodic_orbit():
     """All starts must settle on the orbit that shooting finds."""
-    (result,) = many_starts.find_motions_from_equilibrium(TRAIN, [1.2], MANY)
+    (result,) = many_starts.find_motions_from_equilibrium(TRAIN, [1.2], START_OPTIONS)
     assert result.settled and (result.period == TRAIN.repeats).all()
     orbit = periodic_orbit(TRAIN, 1.2, guess=result.state[0], period=TRAIN.repeats)
     exact = simulate(TRAIN, 1.2, periods=12, record_periods=12, initial_state=tuple(orbit.state))
-    summary = many_starts.build_motion_dataset(TRAIN, [result], MANY, ["peak_force_ratio"])
+    summary = many_starts.build_motion_dataset(TRAIN, [result], START_OPTIONS, ["peak_force_ratio"])
     factors = summary.peak_force_ratio.isel(tuning=0)
-    np.testing.assert_allclose(factors, [exact.peak_force_ratio] * MANY["starts"], rtol=1e-11)
+    np.testing.assert_allclose(
+        factors, [exact.peak_force_ratio] * START_OPTIONS["starts"], rtol=1e-11
+    )
     assert float(summary.settled_share[0]) == float(summary.largest_share[0]) == 1.0
 
 
 def test_motions_that_do_not_settle_are_summarised_by_a_range():
     """Motions that do not settle must have period 0 and a range of peak forces."""
     # At this tuning motions in which all branches move alike are unstable.
-    (result,) = many_starts.find_motions_from_equilibrium(TRAIN, [1.6], MANY)
-    summary = many_starts.build_motion_dataset(TRAIN, [result], MANY, ["peak_force_ratio"])
+    (result,) = many_starts.find_motions_from_equilibrium(TRAIN, [1.6], START_OPTIONS)
+    summary = many_starts.build_motion_dataset(TRAIN, [result], START_OPTIONS, ["peak_force_ratio"])
     assert not result.settled and int(summary.settled[0]) == 0 and int(summary.period[0]) == 0
     # The orbit -1 stands for a motion that has not settled.
     unsettled = result.orbit < 0
@@ -116,19 +118,19 @@ def test_shares_of_motions_match_the_counts_of_starts_that_lead_to_them():
     assert float(keeps.fraction_drive) == 1.0 > float(loses.fraction_drive)
     contact_state, loss_state = keeps.final_state.values, loses.final_state.values
     states = np.array([contact_state, loss_state, contact_state, contact_state])
-    result = many_starts.find_final_motions(PAIR, 0.81, states, MANY | {"first_starts": 4})
-    summary = many_starts.build_motion_dataset(PAIR, [result], MANY, ["displacement_max"])
+    result = many_starts.find_final_motions(PAIR, 0.81, states, START_OPTIONS | {"first_starts": 4})
+    summary = many_starts.build_motion_dataset(PAIR, [result], START_OPTIONS, ["displacement_max"])
     assert result.orbit.tolist() == [0, 1, 0, 0]
     assert float(summary.largest_share[0]) == 0.75 and int(summary.motion_count[0]) == 2
     assert float(summary.settled_share[0]) == 1.0 and int(summary.settled[0]) == 0
     # A start on the boundary of the basins, up to rounding, leads to neither motion in time.
     for _ in range(60):
         middle = 0.5 * (contact_state + loss_state)
-        motions = many_starts.find_final_motions(PAIR, 0.81, [states[0], middle], MANY)
+        motions = many_starts.find_final_motions(PAIR, 0.81, [states[0], middle], START_OPTIONS)
         contact_state, loss_state = (
             (middle, loss_state) if motions.orbit[1] == 0 else (contact_state, middle)
         )
     result = many_starts.find_final_motions(
-        PAIR, 0.81, [*states[:2], contact_state], MANY | {"first_starts": 3}
+        PAIR, 0.81, [*states[:2], contact_state], START_OPTIONS | {"first_starts": 3}
     )
     assert result.orbit.tolist() == [0, 1, -1] and result.period[2] == 0

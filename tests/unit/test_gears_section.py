@@ -17,7 +17,7 @@ from gearlib.models.from_values import build_model
 from gearlib.models.geometry import from_values as geometry
 from gearlib.studies import gear_table
 from gearlib.studies.gear_geometry import harris_map
-from tests.geometry.stages import fzg_c, ring
+from tests.geometry.stages import fzg_c, ring_stage
 from tests.paper import CONFIG
 
 FZG_CONFIG = yaml.safe_load("""
@@ -91,7 +91,7 @@ def test_every_key_is_passed_to_the_gear():
     wheel = {"teeth": 99, "internal": True, "outer_diameter": "440 mm"}
     pinion = {"teeth": 36, "module": "4 mm", "width": "30 mm"}
     section = {"pinion": pinion, "wheel": wheel, "torque": 100.0}
-    assert StageSection.model_validate(section).gear_stage() == ring()
+    assert StageSection.model_validate(section).gear_stage() == ring_stage()
 
 
 def test_a_configuration_is_updated_with_another_one():

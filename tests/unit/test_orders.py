@@ -9,7 +9,7 @@ import xarray as xr
 import gearlib
 from gearlib import GearPair, LoadSharingPair, duty_point, orders, simulate
 from gearlib.geometry import GearStage, SpurGear, dynamic_factor
-from tests.geometry.stages import own
+from tests.geometry.stages import documentation_stage
 from tests.physics.test_order_maps import ORDER_MAP_OPTIONS, assert_orders, ramp
 
 PAIR_RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "teeth": 24}
@@ -151,7 +151,7 @@ def test_invalid_signals_and_options_of_order_maps_are_refused(changes, options,
         gearlib.order_map(data, **{"variable": "acceleration"} | options)
 
 
-GEAR_STAGE = own(quality=5)
+GEAR_STAGE = documentation_stage(quality=5)
 
 
 def test_a_duty_point_matches_the_settled_run_in_si_units():

@@ -14,7 +14,7 @@ from gearlib.engines.pair.whole_periods import (
     prepare_run,
     prepare_workspace,
 )
-from tests.geometry.stages import own
+from tests.geometry.stages import documentation_stage
 from tests.paper import PAPER_PAIR
 from tests.physics.test_random_meshes import random_mesh
 
@@ -122,7 +122,7 @@ def test_the_reported_period_matches_the_settled_motion(damping):
     Many motions of period 1 have not settled after 115 mesh periods (five revolutions): the state
     changes from one period to the next, but by less over two periods. The period 2 would be wrong.
     """
-    pair = GearPair.from_geometry(own(), torque=85.0, damping_ratio=damping)
+    pair = GearPair.from_geometry(documentation_stage(), torque=85.0, damping_ratio=damping)
     run_options = {"periods": 115, "record_periods": 23}
     tunings = [0.66, *np.linspace(0.5, 1.4, 31)]
     # The engine of this model computes each of the 20,000 mesh periods.
