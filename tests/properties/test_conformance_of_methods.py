@@ -24,7 +24,7 @@ from tests.physics.test_step_methods import (
 from tests.properties.cases import random_train_case
 from tests.properties.known_models import CUBIC, MOTION_CASES, UNDAMPED, MotionCase
 from tests.properties.test_summaries import LOAD_SHARING_PAIR
-from tests.trains.test_methods import START, bouncing_train
+from tests.trains.test_methods import INITIAL_STATE, bouncing_train
 
 
 class Accuracy(NamedTuple):
@@ -60,7 +60,7 @@ MOTIONS = {
         10,
     ),
     "six degrees": MotionCase(MOTION_CASES["free bearings"].model, 0.8, (1.0, -3.0)),
-    "train": MotionCase(bouncing_train(), 0.9, START, 6),
+    "train": MotionCase(bouncing_train(), 0.9, INITIAL_STATE, 6),
     # Run-out, deviations of both flanks, friction; a common period of many mesh periods.
     **{f"random train {seed}": MotionCase(*random_train_case(seed), 2) for seed in (0, 5)},
 }
