@@ -248,7 +248,7 @@ def test_run_ups_with_many_coordinates_match_the_independent_program(model, tuni
     reference = reference_run_up(model, speed, load)
     state = model.start_state(start) if model.mesh_names else np.array(start)
     # The reference has displacements in m, and derivatives with respect to its own time.
-    scales = np.repeat([1.0, reference.pieces[0].speed], model.size // 2)
+    scales = np.repeat([1.0, reference.intervals[0].speed], model.size // 2)
     state = state * model.static_deflection * scales
     highest_frequency = math.sqrt((model.train or model).linear_modes[0].max())
     assert_motion_matches_reference(run, reference, state, 1e-11, highest_frequency)
