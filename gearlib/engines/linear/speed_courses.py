@@ -316,12 +316,14 @@ class _CourseRunMixin:
 
     @cached_property
     def unloaded_system(self):
-        """The `base_system`, with its harmonics, if any, at variable speed.
+        """The system of the model at variable speed, before a variable load is added.
 
-        The phase of a harmonic is then a quadratic function of the time theta.
+        Each harmonic of `self.base_system`, the system at constant speed, becomes a chirp: its
+        phase is a quadratic function of the dimensionless time theta.
         """
         if not self.base_system.harmonics.size:
             return self.base_system
+        # By default, the system covers all mesh periods of the excitation, which may be too many.
         period_range = (
             (0, self.base_system.first_segment.size - 1) if self.has_long_excitation_period else ()
         )
