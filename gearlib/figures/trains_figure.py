@@ -111,8 +111,8 @@ def _common_legend_handles() -> list:
     for direction, marker in _SWEPT_MARKERS.items():
         label = f"speed {direction}, if different"
         handles.append(style.legend_handle(label, marker=marker, **options))
-    handles.append(Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"))
-    handles.append(Patch(color="0.8", label="share of the starts that settle"))
+    handles.append(Patch(color="0.6", alpha=0.4, linewidth=0, label="range over all initial states"))
+    handles.append(Patch(color="0.8", label="fraction of initial states that settle"))
     handles.append(style.legend_handle("on one orbit", style.PALETTE[0], linewidth=0.9))
     return handles
 
@@ -136,7 +136,7 @@ def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -
         column[-1].fill_between(from_rest[x], 0.0, from_rest.settled_share, **fill_options)
         line_options = {"where": "mid", "color": style.PALETTE[0], "linewidth": 0.9}
         column[-1].step(from_rest[x], from_rest.largest_share, **line_options)
-        column[-1].set(ylabel="share of\nthe starts", ylim=(-0.05, 1.05), yticks=[0.0, 1.0])
+        column[-1].set(ylabel="fraction of\ninitial states", ylim=(-0.05, 1.05), yticks=[0.0, 1.0])
         column[-1].set_xlim(from_rest[x][0], from_rest[x][-1])
         for axes in column:
             axes.label_outer()
