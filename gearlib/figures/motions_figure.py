@@ -153,9 +153,8 @@ def _draw_time_history(axes, run: xr.Dataset, name: str):
         is_at_min_stiffness = (contact != 0) & (run.stiffness.values < 1.0)
         _shade_times(axes, periods, is_at_min_stiffness, _MIN_STIFFNESS_COLOUR, bottom=0.92)
         text = f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %"
-        options = {"anchor": "left baseline", "color": _MIN_STIFFNESS_COLOUR}
-        options["bbox"] = style.white_box(padding=0.15, opacity=0.8)
-        style.annotate(axes, text, (0.02, 0.45), coords="axes fraction", **options)
+        # The curve fills the panel, so the text stands above it.
+        axes.set_title(text, loc="left", fontsize=6.0, color=_MIN_STIFFNESS_COLOUR, pad=2.0)
 
 
 def shade_contact(axes, periods: np.ndarray, contact: np.ndarray):

@@ -138,8 +138,8 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
     """
     axes.set_xlim(style.axis_limits(sweeps.tuning.values, margin=0.01))
     axes.set_ylim(_displacement_limits(sweeps, coast_side))
-    box = style.white_box(padding=0.2, opacity=0.8)
-    options = {"style": "italic", "fontsize": None, "bbox": box, "zorder": 5}
+    # The names of the areas have no background, which would hide curves.
+    options = {"style": "italic", "fontsize": None, "zorder": 5}
     options |= {"coords": ("axes fraction", "data"), "anchor": "center center"}
     areas = style.shade_lost_contact(axes, float(sweeps.backlash_ratio), "y")
     for name, (low, high) in areas.items():
@@ -155,12 +155,12 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
     axes.set(xlabel=style.TUNING_LABEL, ylabel=EXTREMA_LABEL)
     # Three secondary axes are above the panel: the tunings with the natural frequencies at maximum
     # and minimum stiffness, and the speed. Positions are relative to the height of the panel.
-    for extremum, position in (("max", 1.0), ("min", 1.115)):
+    for extremum, position in (("max", 1.0), ("min", 1.1)):
         factor = float(sweeps[f"tuning_factor_{extremum}"])
         label = f"tuning $\\nu_\\mathrm{{{extremum}}}$"
         style.add_secondary_axis(axes, factor, label, position=position)
     speed_per_tuning = float(sweeps.speed[-1] / sweeps.tuning[-1])
-    style.add_secondary_axis(axes, speed_per_tuning, panels.axis_label(sweeps.speed), position=1.23)
+    style.add_secondary_axis(axes, speed_per_tuning, panels.axis_label(sweeps.speed), position=1.2)
     style.add_length_axis(axes, float(sweeps.static_deflection), "displacement")
 
 

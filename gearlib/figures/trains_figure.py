@@ -111,7 +111,8 @@ def _common_legend_handles() -> list:
     for direction, marker in _SWEPT_MARKERS.items():
         label = f"speed {direction}, if different"
         handles.append(style.legend_handle(label, marker=marker, **options))
-    handles.append(Patch(color="0.6", alpha=0.4, linewidth=0, label="range over all initial states"))
+    label = "range over all initial states"
+    handles.append(Patch(color="0.6", alpha=0.4, linewidth=0, label=label))
     handles.append(Patch(color="0.8", label="fraction of initial states that settle"))
     handles.append(style.legend_handle("on one orbit", style.PALETTE[0], linewidth=0.9))
     return handles
