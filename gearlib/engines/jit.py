@@ -1,8 +1,5 @@
 """Decorators that compile kernels with numba, and the folder of their machine code.
 
-numba treats a literal number in a call from another kernel as a separate type and compiles the
-called kernel once more. In calls of large kernels it is therefore written as ``np.int64(1)``.
-
 numba notices edits of the file of a function, but not of the modules from which it calls functions.
 So the name of the folder contains a hash of all kernel sources, and stale kernels are never loaded.
 The folder lies in the user's cache folder, or under ``NUMBA_CACHE_DIR``.
@@ -18,7 +15,7 @@ from pathlib import Path
 
 import numba
 import numba.extending
-from numba.core import event
+from numba.core.event import Listener, register
 
 from gearlib import progress
 
@@ -71,7 +68,7 @@ def _temporary_folder() -> str:
     return tempfile.mkdtemp(prefix="gearlib-")
 
 
-class _CompilationNotice(event.Listener):
+class _CompilationNotice(Listener):
     """Listener of numba that says at the first compilation of a process how long it may take."""
 
     _is_shown = False
@@ -91,7 +88,7 @@ class _CompilationNotice(event.Listener):
         """Do nothing when a kernel is compiled; numba requires this method."""
 
 
-event.register("numba:compile", _CompilationNotice())
+register("numba:compile", _CompilationNotice())
 numba.config.CACHE_DIR = cache_folder()
 # Kernels need no C wrapper, because no C code calls them.
 _NUMBA_OPTIONS = {"cache": True, "fastmath": False, "error_model": "numpy", "nogil": True}
@@ -118,10 +115,10 @@ def kernel_part(function=None, *, refcounts=True, inlined=False, merged=False):
 
     The code that converts arguments from Python is left out, which takes a quarter of the time that
     compilation takes. With `inlined` the machine code becomes part of the calling function, because
-    a call would cost more than the body. With `merged` the function has a single caller and is
-    compiled only as a part of it: large functions would otherwise be optimised twice. For
-    `refcounts` see `kernel`. All decorators set ``_nrt`` (reference counts) and ``forceinline``,
-    because a function inherits unset options from its caller.
+    a call would cost more than the body. With `merged` numba compiles the function only as a part
+    of its callers, which saves time for large functions with one or two calls. For `refcounts` see
+    `kernel`. All decorators set ``_nrt`` (reference counts) and ``forceinline``, because a function
+    inherits unset options from its caller.
     """
     if function is None:
         return functools.partial(kernel_part, refcounts=refcounts, inlined=inlined, merged=merged)

@@ -33,7 +33,6 @@ from gearlib.engines.linear.train_system import (
     allocate_run_state,
     run_constants,
 )
-from gearlib.engines.matrices import enlarge_table
 from gearlib.engines.orbit import Record
 from gearlib.engines.protocol import Engine
 
@@ -241,7 +240,8 @@ class Propagator(Engine):
                 )
                 clear_segment_factors(tables)
             elif status == EVENTS_FULL:
-                events = enlarge_table(events, 2 * len(events) + 16 * m)
+                free_rows = np.empty((len(events) + 16 * m, events.shape[1]))
+                events = np.concatenate([events, free_rows])
             else:
                 break
             status = OK

@@ -53,12 +53,10 @@ def nonzero_fields(system, with_series=False):
     if not (mode_cost_in_steps(n) or with_series):
         empty = np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
         return dict(zip(names, (*empty, *empty, np.zeros((0, 0))), strict=True))
-    is_involved = (system.drive_distance_rows != 0.0) | (system.coast_distance_rows != 0.0)
-    is_involved |= (system.force_output != 0.0).any(axis=(1, 2)) | (system.force_input != 0.0).any(
-        axis=(1, 2)
-    )
+    is_involved = ((system.force_input != 0.0) | (system.force_output != 0.0)).any(axis=(1, 2))
+    is_involved |= (system.drive_distance_rows != 0.0) | (system.coast_distance_rows != 0.0)
     columns, counts = _columns_of_true_entries(system.base_matrix != 0.0)
-    values = np.take_along_axis(system.base_matrix, columns, axis=1)
+    values = system.base_matrix[np.arange(n)[:, None], columns]
     return dict(
         zip(names, (columns, counts, *_columns_of_true_entries(is_involved), values), strict=True)
     )

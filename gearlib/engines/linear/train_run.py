@@ -18,6 +18,7 @@ from gearlib.engines.linear.train_system import (
     dot,
     is_past_coast_line,
     set_harmonics,
+    system_matrix,
 )
 
 #: Largest number of derivatives of a flank distance that are computed to decide the contact of a
@@ -30,11 +31,8 @@ def _signs(distance_rows, z):
 
     `z`, shape (n,), is a state. The sum of the magnitudes of the terms scales the rounding error.
     """
-    terms = distance_rows * z
-    values, magnitudes = terms.sum(axis=1), np.abs(terms).sum(axis=1)
-    signs = np.where(values > 0.0, 1.0, -1.0)
-    signs[np.abs(values) <= ZERO_TOLERANCE * magnitudes] = 0.0
-    return signs
+    values, magnitudes = distance_rows @ z, np.abs(distance_rows) @ np.abs(z)
+    return np.sign(values) * (np.abs(values) > ZERO_TOLERANCE * magnitudes)
 
 
 def set_initial_contacts(system, no_coast_side, run, segment):
@@ -68,12 +66,9 @@ def set_initial_contacts(system, no_coast_side, run, segment):
             break
         if derivative_order == 0:
             force_indices = system.force_index[run.contact + 1, segment, meshes]
-            # Each mesh exerts two forces, the mesh force and the friction.
-            force_input = system.force_input[meshes, force_indices].reshape(2 * m, n)
-            force_output = system.force_output[meshes, force_indices].reshape(2 * m, n)
+            matrix = system_matrix(system, force_indices)
         for _ in range(order - derivative_order):
-            forces = force_output @ derivative
-            derivative = system.base_matrix @ derivative + forces @ force_input
+            derivative = matrix @ derivative
         derivative_order = order
         signs = _signs(rows, derivative)
         is_decided = is_undecided & (signs != 0.0)

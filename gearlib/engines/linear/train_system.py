@@ -66,12 +66,10 @@ def system_matrix(system, force_indices):
     each mesh, 0 without contact. Each mesh adds the outer products of its two forces, the mesh
     force and the friction.
     """
-    matrix = system.base_matrix.copy()
-    for j, force_index in enumerate(force_indices):
-        for k in range(2):
-            force_input = system.force_input[j, force_index, k]
-            matrix += np.outer(force_input, system.force_output[j, force_index, k])
-    return matrix
+    meshes, n = np.arange(len(force_indices)), len(system.base_matrix)
+    force_input = system.force_input[meshes, force_indices].reshape(-1, n)
+    force_output = system.force_output[meshes, force_indices].reshape(-1, n)
+    return system.base_matrix + force_input.T @ force_output
 
 
 @kernel(refcounts=False)

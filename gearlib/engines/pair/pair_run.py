@@ -62,17 +62,13 @@ def run_whole_period(pair, workspace, n, contact, x, v, max_arcs, arcs):
     # Save a free flight in progress at the start, in case the period has to be run again.
     remaining, duration = memory[REMAINING], memory[FLIGHT_DURATION]
     start_speed, impact_speed = memory[START_SPEED], memory[IMPACT_SPEED]
-    contact, x, v, count = advance_periods(
-        pair, workspace, n, contact, x, v, np.int64(1), max_arcs, arcs
-    )
+    contact, x, v, count = advance_periods(pair, workspace, n, contact, x, v, 1, max_arcs, arcs)
     # If the arc table was too small, run the period again from the same start.
     if arcs.shape[0] < count <= max_arcs:
         arcs = np.empty((2 * count, ARC_COLUMNS))
         memory[REMAINING], memory[FLIGHT_DURATION] = remaining, duration
         memory[START_SPEED], memory[IMPACT_SPEED] = start_speed, impact_speed
-        contact, x, v, count = advance_periods(
-            pair, workspace, n, *start, np.int64(1), max_arcs, arcs
-        )
+        contact, x, v, count = advance_periods(pair, workspace, n, *start, 1, max_arcs, arcs)
     return contact, x, v, count, arcs
 
 
@@ -87,7 +83,7 @@ def run_unrecorded(pair, workspace, contact, x, v, periods, max_arcs):
     status, settled_period, is_on_orbit): `settled_period` is the period of the settled orbit or 0,
     and `is_on_orbit` tells whether the distance from the orbit is below rounding.
     """
-    n, next_check, check_interval = np.int64(0), 2 * _CHECK_INTERVAL, _CHECK_INTERVAL
+    n, next_check, check_interval = 0, 2 * _CHECK_INTERVAL, _CHECK_INTERVAL
     settled, is_on_orbit = settling.no_settled_orbit(), False
     no_arcs = np.empty((0, ARC_COLUMNS))
     while n < periods:

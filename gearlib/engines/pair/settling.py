@@ -208,7 +208,7 @@ def prove_settled(pair, workspace, n, contact, x, v, period_count, max_arcs, tol
     start_x, start_v, previous_contact, is_clear, arc_count = x, v, contact, True, 0
     for i in range(period_count):
         contact, x, v, arc_count = advance_periods(
-            pair, workspace, n + i, contact, x, v, np.int64(1), max_arcs, arcs
+            pair, workspace, n + i, contact, x, v, 1, max_arcs, arcs
         )
         if arc_count > max_arcs or not is_within_range(x, v):
             return contact, x, v, arc_count, no_settled_orbit()

@@ -96,7 +96,7 @@ def advance_periods(pair, workspace, n, contact, x, v, periods, max_arcs, arcs):
     """
     levels, tables, memory, states = workspace
     max_return_energy = 2.0 * pair.load * pair.backlash_ratio * table.ROUNDING_MARGIN
-    count = np.int64(0)
+    count = 0
     end_u = end_v = 0.0
     flight_remaining, duration = memory[REMAINING], memory[FLIGHT_DURATION]
     start_speed, impact_speed = memory[START_SPEED], memory[IMPACT_SPEED]
