@@ -7,6 +7,7 @@ The folder lies in the user's cache folder, or under ``NUMBA_CACHE_DIR``.
 
 import contextlib
 import functools
+import gc
 import hashlib
 import os
 import sys
@@ -68,27 +69,43 @@ def _temporary_folder() -> str:
     return tempfile.mkdtemp(prefix="gearlib-")
 
 
-class _CompilationNotice(Listener):
-    """Listener of numba that says at the first compilation of a process how long it may take."""
+class _CompilationListener(Listener):
+    """Listener of numba that pauses the garbage collector while kernels are compiled.
 
-    _is_shown = False
+    The objects that numba creates would cost the collector a tenth of the time. The first
+    compilation of a process is also announced. numba compiles in one thread at a time.
+    """
+
+    _is_announced = False
+    _depth = 0
+    _pauses_collector = False
 
     def on_start(self, event):
-        """Write the notice to stderr, once per process, if somebody sees it.
+        """Pause the collector and say, once per process and if somebody sees it, what takes time.
 
-        `event.data` has the dispatcher of the compiled function.
+        `event.data` has the dispatcher of the compiled function. Functions that it calls are
+        compiled meanwhile.
         """
+        self._depth += 1
         is_kernel = event.data["dispatcher"].py_func.__module__.startswith("gearlib.")
-        if is_kernel and not self._is_shown and progress.is_interactive():
-            _CompilationNotice._is_shown = True
+        if self._depth > 1 or not is_kernel:
+            return
+        self._pauses_collector = gc.isenabled()
+        gc.disable()
+        if not self._is_announced and progress.is_interactive():
+            _CompilationListener._is_announced = True
             text = "gearlib compiles machine code for this kind of model, once: 5 to 40 s ..."
             print(text, file=sys.stderr, flush=True)
 
     def on_end(self, event):
-        """Do nothing when a kernel is compiled; numba requires this method."""
+        """Let the collector continue after the last compiled function."""
+        self._depth -= 1
+        if self._depth == 0 and self._pauses_collector:
+            self._pauses_collector = False
+            gc.enable()
 
 
-register("numba:compile", _CompilationNotice())
+register("numba:compile", _CompilationListener())
 numba.config.CACHE_DIR = cache_folder()
 # Kernels need no C wrapper, because no C code calls them.
 _NUMBA_OPTIONS = {"cache": True, "fastmath": False, "error_model": "numpy", "nogil": True}

@@ -7,7 +7,7 @@ import numpy as np
 
 from gearlib.engines.codes import DRIVE, NO_CONTACT
 from gearlib.engines.jit import kernel, kernel_part
-from gearlib.engines.matrices import copy, enlarge_table
+from gearlib.engines.matrices import enlarge_table
 from gearlib.engines.polynomial import polynomial_maximum
 from gearlib.engines.summary_columns import COLUMNS, COUNT, LARGEST, LEAST, SUM
 
@@ -208,27 +208,19 @@ def fill_event(event, period, phase, contact_before, contact_after, velocity) ->
     event[EVENT_VELOCITY] = velocity
 
 
-@kernel_part(merged=True)
-def repeat_record(samples, events, event_count, recorded_periods, periods):
-    """Fill the record of `periods` mesh periods by repeating its first `recorded_periods`.
+def repeat_record(samples, events, recorded_periods, periods):
+    """Repeat the record of the first `recorded_periods` up to `periods` mesh periods.
 
-    The motion must be known to repeat. `samples` has rows for all periods; the first `event_count`
-    rows of `events` are in use. Returns (event table, event count); the table is enlarged if
-    needed.
+    The motion must be known to repeat, and `periods` is a multiple of `recorded_periods`. `samples`
+    has rows for all periods, of which the later ones are filled; `events` has the events of the
+    recorded periods. Returns the event table of all periods.
     """
-    sample_count = samples.shape[0] // periods * recorded_periods
-    recorded_events = event_count
-    for k in range(sample_count, samples.shape[0]):
-        copy(samples[k - sample_count], samples[k])
-    for period_offset in range(recorded_periods, periods, recorded_periods):
-        for i in range(recorded_events):
-            phase, velocity = events[i, EVENT_PHASE], events[i, EVENT_VELOCITY]
-            contact_before, contact_after = int(events[i, EVENT_FROM]), int(events[i, EVENT_TO])
-            period = int(events[i, EVENT_PERIOD]) + period_offset
-            events, event_count = add_event(
-                events, event_count, period, phase, contact_before, contact_after, velocity
-            )
-    return events, event_count
+    repeats = periods // recorded_periods
+    repeated_samples = samples.reshape(repeats, len(samples) // repeats, -1)
+    repeated_samples[1:] = repeated_samples[0]
+    all_events = np.tile(events, (repeats, 1))
+    all_events[:, EVENT_PERIOD] += np.repeat(np.arange(repeats) * recorded_periods, len(events))
+    return all_events
 
 
 @kernel_part

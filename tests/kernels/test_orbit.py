@@ -45,13 +45,13 @@ def test_events_are_appended_and_repeated_with_their_samples():
         events, count = orbit.record_event(events, count, *event, summary)
     samples = np.arange(12.0).reshape(6, 2)  # one in each mesh period
     recorded_periods, all_periods = 2, 6
-    events, count = orbit.repeat_record(samples, events, count, recorded_periods, all_periods)
+    events = orbit.repeat_record(samples, events[:count], recorded_periods, all_periods)
     expected_events = [
         (period + shift, *values)
         for shift in range(0, all_periods, recorded_periods)
         for period, *values in recorded_events
     ]
-    np.testing.assert_array_equal(events[:count], expected_events)
+    np.testing.assert_array_equal(events, expected_events)
     np.testing.assert_array_equal(samples, np.tile([[0.0, 1.0], [2.0, 3.0]], (3, 1)))
     assert summary[orbit.BOUNCES] == 2.0
     # An array without rows means that events are not recorded.

@@ -136,12 +136,13 @@ def run(pair, workspace, x, v, periods, record_periods, samples, events, max_arc
     enlarged as needed unless k = 0; `summary` is filled with extrema and contact times. A period
     has at most `max_arcs` arcs, parts of the motion between two events.
 
-    Returns (x, v, period, events, event count, status): the final state, the proven period of the
-    orbit in mesh periods or 0, the event table with its number of events, and the status OK,
-    EVENT_LIMIT or OVERFLOW.
+    Returns (x, v, period, filled periods, events, event count, status): the final state, the proven
+    period of the orbit in mesh periods or 0, the number of recorded periods in `samples` and
+    `events`, which later periods repeat, the event table with its number of events, and the status
+    OK, EVENT_LIMIT or OVERFLOW.
     """
     if not is_within_range(x, v):
-        return x, v, 0, events, 0, OVERFLOW
+        return x, v, 0, 0, events, 0, OVERFLOW
     contact = pair_contact_state(pair.backlash_ratio, x, v)
     prepare_workspace(workspace, pair)
     prepare_run(workspace, x, v)
@@ -150,10 +151,10 @@ def run(pair, workspace, x, v, periods, record_periods, samples, events, max_arc
         pair, workspace, contact, x, v, first_recorded, max_arcs
     )
     if status != OK:
-        return x, v, 0, events, 0, status
+        return x, v, 0, 0, events, 0, status
     orbit.clear_summary(summary)
     samples_per_period = samples.shape[0] // record_periods
-    # On a settled orbit, compute and record one period of the orbit and copy it.
+    # On a settled orbit, compute and record one period of the orbit only.
     computed_periods = (
         settled_period if is_on_orbit and record_periods % settled_period == 0 else record_periods
     )
@@ -167,7 +168,7 @@ def run(pair, workspace, x, v, periods, record_periods, samples, events, max_arc
         )
         status = period_status(x, v, arc_count, max_arcs)
         if status != OK:
-            return x, v, 0, events, 0, status
+            return x, v, 0, 0, events, 0, status
         sampling.add_arcs_to_summary(pair, arcs, arc_count, summary)
         events, event_rows, previous_contact = sampling.record_events(
             arcs, arc_count, previous_contact, n, events, event_rows, summary
@@ -178,17 +179,13 @@ def run(pair, workspace, x, v, periods, record_periods, samples, events, max_arc
             sampling.sample_arcs(pair, arcs, arc_count, period_samples)
     for k in orbit.SUMS:
         summary[k] *= record_periods / computed_periods
-    if computed_periods < record_periods:
-        events, event_rows = orbit.repeat_record(
-            samples, events, event_rows, computed_periods, record_periods
-        )
     last_stored = first_recorded + computed_periods
     period = _period_of_stored_states(
         pair, workspace, periods, first_recorded, last_stored, settled_period, summary
     )
     if settled_period == 0:
         period = _prove_period(pair, workspace, periods, contact, x, v, max_arcs, summary)
-    return x, v, period, events, event_rows, OK
+    return x, v, period, computed_periods, events, event_rows, OK
 
 
 @kernel_part(merged=True)
@@ -273,7 +270,7 @@ def run_many(
     for i in order:
         pair = pair_constants_at_tuning(parameters, tunings[i])
         arguments = samples, events, span.max_events, summaries[i]
-        x, v, period, _, _, status = run(
+        x, v, period, _, _, _, status = run(
             pair, workspace, x, v, span.periods, span.recorded, *arguments
         )
         if status == OK and max(summaries[i, orbit.X_MAX], -summaries[i, orbit.X_MIN]) > max_x:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from gearlib.engines.orbit import Record
+from gearlib.engines.codes import OK
+from gearlib.engines.orbit import Record, repeat_record
 from gearlib.engines.pair import pair_run
 from gearlib.engines.pair.maps import fill_period_maps
 from gearlib.engines.pair.motion import pair_constants_at_tuning
@@ -60,8 +61,11 @@ class Propagator(Engine):
         result = pair_run.run(
             self.pair, allocate_workspace(), *z, span.periods, span.recorded, *tables
         )
-        *z[:], period, events, event_count, status = result
-        return Record(z, z, period, samples, events[:event_count], summary, status)
+        *z[:], period, filled_periods, events, event_count, status = result
+        events = events[:event_count]
+        if status == OK:
+            events = repeat_record(samples, events, filled_periods, span.recorded)
+        return Record(z, z, period, samples, events, summary, status)
 
     def sweep(self, tunings, order, state, warm_start, span, result_tables):
         """Run the pair at the tunings ``tunings[order]`` and fill the `result_tables`.
