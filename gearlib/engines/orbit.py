@@ -216,7 +216,7 @@ def repeat_record(samples, events, recorded_periods, periods):
     recorded periods. Returns the event table of all periods.
     """
     repeats = periods // recorded_periods
-    repeated_samples = samples.reshape(repeats, len(samples) // repeats, -1)
+    repeated_samples = samples.reshape(repeats, len(samples) // repeats, samples.shape[1])
     repeated_samples[1:] = repeated_samples[0]
     all_events = np.tile(events, (repeats, 1))
     all_events[:, EVENT_PERIOD] += np.repeat(np.arange(repeats) * recorded_periods, len(events))

@@ -53,6 +53,9 @@ def test_events_are_appended_and_repeated_with_their_samples():
     ]
     np.testing.assert_array_equal(events, expected_events)
     np.testing.assert_array_equal(samples, np.tile([[0.0, 1.0], [2.0, 3.0]], (3, 1)))
+    # A record without samples still has events.
+    without_samples = orbit.repeat_record(np.empty((0, 2)), events, all_periods, 2 * all_periods)
+    assert len(without_samples) == 2 * len(events)
     assert summary[orbit.BOUNCES] == 2.0
     # An array without rows means that events are not recorded.
     _, count = orbit.record_event(np.empty((0, 5)), 0, *recorded_events[0], summary)
