@@ -145,6 +145,7 @@ use rule _draw as draw_branches with:
 rule compute_certificates:
     input:
         kernels=KERNELS,
+        matrix_kernels=MATRIX_KERNELS,
         branches=per_damping(rules.compute_branches.output),
         sources=sources_of("certificates"),
     output:
