@@ -111,7 +111,7 @@ class Tolerances(t.grid_with_defaults(0.5, 1.4, 0.01), t.RecordedPeriods):
         "Number of designs of one job; the results do not depend on it.", 256
     )
     index_samples: Literal[16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192] = field(
-        "Base sample size n of the Sobol' indices: n (k + 2) designs for k parameters.", 32
+        "Base sample size n of the Sobol' indices: n (k + 2) designs for k parameters.", 64
     )
     seed: t.Seed = 1
     directions: t.Distinct[Literal["up", "down", "cold", "seeded"]] = field(
