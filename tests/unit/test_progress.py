@@ -11,6 +11,7 @@ import pytest
 
 import gearlib
 from gearlib import progress
+from gearlib.engines import jit
 from gearlib.engines.linear import modal_arcs, train_system
 from tests.paper import PAPER_PAIR
 
@@ -123,6 +124,25 @@ def test_one_progress_bar_is_shown_on_a_terminal(output, monkeypatch):
         list(progress.with_progress_bar("inner things", "cd"))
     printed = stream.getvalue()
     assert ("things/s" in printed) == (output != "file") and "inner" not in printed
+
+
+@pytest.mark.parametrize("is_enabled", [True, False])
+def test_the_garbage_collector_pauses_only_while_a_kernel_is_compiled(is_enabled, monkeypatch):
+    """A compilation, and others within it, must leave the collector as the user has set it."""
+    states = {"is_enabled": is_enabled}
+    collector = SimpleNamespace(
+        isenabled=lambda: states["is_enabled"],
+        disable=lambda: states.update(is_enabled=False),
+        enable=lambda: states.update(is_enabled=True),
+    )
+    monkeypatch.setattr(jit, "gc", collector)
+    listener = jit._CompilationListener()
+    event = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=gearlib.simulate)})
+    for step in (listener.on_start, listener.on_start, listener.on_end):
+        step(event)
+        assert not states["is_enabled"]
+    listener.on_end(event)
+    assert states["is_enabled"] == is_enabled
 
 
 def test_a_run_does_not_depend_on_earlier_runs_if_the_cache_of_modes_is_full(monkeypatch):

@@ -136,10 +136,10 @@ def run(pair, workspace, x, v, periods, record_periods, samples, events, max_arc
     enlarged as needed unless k = 0; `summary` is filled with extrema and contact times. A period
     has at most `max_arcs` arcs, parts of the motion between two events.
 
-    Returns (x, v, period, filled periods, events, event count, status): the final state, the proven
-    period of the orbit in mesh periods or 0, the number of recorded periods in `samples` and
-    `events`, which later periods repeat, the event table with its number of events, and the status
-    OK, EVENT_LIMIT or OVERFLOW.
+    Returns (x, v, period, computed periods, events, event count, status): the final state, the
+    proven period of the orbit in mesh periods or 0, the number of recorded periods whose samples
+    and events are in the tables and repeat in the others, the event table with its number of
+    events, and the status OK, EVENT_LIMIT or OVERFLOW.
     """
     if not is_within_range(x, v):
         return x, v, 0, 0, events, 0, OVERFLOW

@@ -61,10 +61,10 @@ class Propagator(Engine):
         result = pair_run.run(
             self.pair, allocate_workspace(), *z, span.periods, span.recorded, *tables
         )
-        *z[:], period, filled_periods, events, event_count, status = result
+        *z[:], period, computed_periods, events, event_count, status = result
         events = events[:event_count]
         if status == OK:
-            events = repeat_record(samples, events, filled_periods, span.recorded)
+            events = repeat_record(samples, events, computed_periods, span.recorded)
         return Record(z, z, period, samples, events, summary, status)
 
     def sweep(self, tunings, order, state, warm_start, span, result_tables):
